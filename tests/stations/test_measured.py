@@ -217,3 +217,69 @@ def _radiometer(path):
     data.to_netcdf(path, format="NETCDF3_CLASSIC")
     assert read_station(path).attrs["latitude"] == 36
     return path
+
+
+@needs_files
+@pytest.mark.parametrize("change", [lambda m: m[:-1], lambda m: m[1:], lambda m: m[:4] + m[5:], lambda m: [m[0], *m],
+                                    lambda m: [m[0].replace("  2 ", " 31 ", 1), *m[1:]]])  # fmt: skip
+def test_a_line_of_bsrn_that_is_lost_does_not_turn_global_into_diffuse_light(tmp_path, change):
+    packed = (RAW / "bsrn_raw/pay0616_excerpt.dat.gz").read_bytes()
+    lines = gzip.decompress(packed).decode("latin-1").splitlines()
+    start = lines.index("*U0100") + 1
+    (tmp_path / "x.dat").write_text("\n".join(lines[:start] + change(lines[start : start + 10]) + lines[start + 10 :]))
+    with pytest.raises(UserError, match=r"x\.dat: line \d+ is not the (first|second) line of a minute"):
+        read_station(tmp_path / "x.dat")
+
+
+@needs_files
+def test_sums_beside_global_light_are_not_averaged_with_it():
+    """The table's own highest value; half of it came out where its kWhr/m2 were taken for an instrument."""
+    found = read_station(RAW / "irradiance/midc_20181014.txt", 39.74, -105.18)
+    assert float(found.ghi.max()) == pytest.approx(885.436, abs=0.01)
+
+
+@pytest.mark.parametrize(("names", "row", "ghi"), [
+    ("ghi,ghi_flag,ghi_std,uw_ir", "700,0,9,400", 700), ("ghi,ghi_clear", "700,900", 700),
+    ("ghi_1,ghi_2", "700,720", 710), ("ghi [kW/m2]", ".7", 700), ("GHI (W/m^2)", "700", 700),
+])  # fmt: skip
+def test_columns_count_by_their_names_and_units(tmp_path, names, row, ghi):
+    (tmp_path / "x.csv").write_text(f"\ufeffutc,{names}\n2020-06-01T12:00,{row}\n", encoding="utf-8")
+    found = read_station(tmp_path / "x.csv", 47.0, 8.0)
+    assert float(found.ghi[0]) == pytest.approx(ghi)
+    assert set(found) == {"ghi"}
+
+
+@pytest.mark.parametrize(("names", "row", "message"), [
+    ("ghi,ghi", "700,0", "'ghi' is there twice"), ("ghi", ".7", "are they kW/m2"), ("ghi [MJ/m2]", ".7", "in W/m2"),
+    ("ghi", "NA", "'NA' in the column 'ghi' is no number"), ("ghi,pressure [atm]", "700,1", "unit unknown"),
+])  # fmt: skip
+def test_columns_that_cannot_be_told_are_refused(tmp_path, names, row, message):
+    (tmp_path / "x.csv").write_text(f"utc,{names}\n2020-06-01T12:00,{row}\n")
+    with pytest.raises(UserError, match=rf"x\.csv: .*{message}"):
+        read_station(tmp_path / "x.csv", 47.0, 8.0)
+
+
+def _surfrad(path, change=lambda row: row, longitude=105.92):
+    """Alamosa, whose file counts west; zenith angles by our sun."""
+    rows = []
+    for hour in (17, 18, 19):
+        place = {"latitude": 37.7, "longitude": -105.92, "height_m": 2317}
+        times = {"time": np.array([f"2016-01-01T{hour}:00"], "M8[ns]")}
+        zenith = 90 - sun_of(xr.Dataset(coords=times, attrs=place)).altitude_deg[0]
+        row = ["2016", "1", "1", "1", f"{hour}", "0", f"{hour}.0", f"{zenith:.2f}", *["500.0", "0"] * 20]
+        rows.append(" ".join(change(row)))
+    path.write_text("\n".join([" Alamosa", f"   37.70  {longitude} 2317 m version 1", *rows]) + "\n")
+    return path
+
+
+def test_files_that_count_longitude_west_are_placed_by_their_sun(tmp_path):
+    pytest.importorskip("pvlib")
+    for longitude in (105.92, -105.92):
+        found = read_station(_surfrad(tmp_path / "x.dat", longitude=longitude))
+        assert found.attrs["longitude"] == -105.92
+    with pytest.raises(UserError, match=r"x\.dat: the sun is elsewhere"):
+        read_station(_surfrad(tmp_path / "x.dat", longitude=30.0))
+    with pytest.raises(UserError, match=r"x\.dat: line 3 has 47 columns"):
+        read_station(_surfrad(tmp_path / "x.dat", lambda row: row[:12] + row[13:]))
+    bad = read_station(_surfrad(tmp_path / "x.dat", lambda row: [*row[:13], "1", *row[14:]]))  # of direct light
+    assert "dni" not in bad or not np.isfinite(bad.dni).any()

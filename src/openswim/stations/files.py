@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import calendar
+import codecs
 import json
 import re
 import tempfile
@@ -18,6 +20,8 @@ from openswim.arguments import number, shown
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened
 from openswim.scene.times import parse_time
+from openswim.stations.checks import sun_of
+from openswim.stations.columns import check_names, columns_of
 from openswim.stations.text import PLACES, rows_of, text_of
 from openswim.system.inputs import check_ordinary, lines_of
 
@@ -39,18 +43,13 @@ _PVLIB = {"ghi": "ghi", "dni": "dni", "dhi": "dhi", "uw_solar": "up", "temp_air"
           "relative_humidity": "relative_humidity", "pressure": "pressure"}  # fmt: skip
 _ARM = {"down_short_hemisp": "ghi", "short_direct_normal": "dni", "down_short_diffuse_hemisp": "dhi",
         "up_short_hemisp": "up"}  # fmt: skip
-_COLUMNS = (  # of tables, by how their names begin or read
-    ("ghi", r"ghi|global (horiz|cmp22|psp)"),
-    ("dni", r"dni|direct (normal|chp1|nip)"),
-    ("dhi", r"dhi|diffuse (horiz|cm22|cmp22|psp|8-48)"),
-    ("up", r"uw"),
-    ("temperature", r"temp(_air|_c)?$|(air )?temperature|deck dry bulb"),
-    ("relative_humidity", r"rh$|rel(ative)?[ _]hum(idity)?"),
-    ("pressure", r"(station )?press(ure)?"),
-)
 _LARGEST_JSON = 100_000  # characters
 _MISSING_ARM_BIT = 1
 _YEARS = 1900, 2200
+_BAD_FLAG = 1  # of SURFRAD and SOLRAD: known to be bad; 2 is a doubt
+_COLUMNS_OF_SURFRAD = 48
+_HIGH_SUN_DEG, _DIMMEST_W_M2 = 30.0, 3.0  # the darkest clouds leave more
+_SAME_ZENITH_DEG = 2.0
 
 
 def read_station(
@@ -85,13 +84,25 @@ def read_station(
             data[name] = ("time", _measured(name, np.asarray(data[name].values, float)), {"units": unit})
     keep = [name for name in QUANTITIES if name in data and np.isfinite(data[name]).any()]
     if "ghi" not in keep and not {"dni", "dhi"} <= set(keep):
-        raise UserError(f"{path}: neither global irradiance in it, nor direct and diffuse")
+        raise UserError(f"{path}: neither global irradiance in it, nor direct and diffuse, in W/m2 or kW/m2")
     lacking = sorted({"latitude", "longitude"} - place.keys())
     if lacking:
         raise UserError(f"{path}: a {kind} file does not say its {' and '.join(lacking)}: give --lat and --lon, "
                         f"or {path.with_suffix('.json').name} beside it with lat, lon and elev_m")  # fmt: skip
+    if np.isnat(data["time"].values).any():
+        raise UserError(f"{path}: rows without a time: mend the file")
     data = _without_doubles(path, data[keep].sortby("time"))
-    return data.assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
+    data = data.assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
+    _check_bright(path, data)
+    return data
+
+
+def _check_bright(path: Path, data: xr.Dataset) -> None:
+    """Raise UserError where all light under a high sun is too little even for clouds, as it is in kW/m2."""
+    most = data["ghi" if "ghi" in data else "dhi"].values[sun_of(data).altitude_deg > _HIGH_SUN_DEG]
+    if np.isfinite(most).any() and 0 < np.nanmax(most) < _DIMMEST_W_M2:
+        raise UserError(f"{path}: no more than {np.nanmax(most):.3g} W/m2 under a sun above {_HIGH_SUN_DEG:g} degrees: "
+                        "are they kW/m2? Give W/m2, or the unit behind the names, as in ghi [kW/m2]")  # fmt: skip
 
 
 def _without_doubles(path: Path, data: xr.Dataset) -> xr.Dataset:
@@ -124,7 +135,9 @@ def kind_of(path: Path) -> str | None:
             raise UserError(f"{path}: a packed netCDF file: unpack it first (gunzip)")
     if head.startswith((b"CDF", b"\x89HDF")):
         return "ARM"
-    lines = head.decode("latin-1").lstrip("\ufeff").splitlines()
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise UserError(f"{path}: is text in UTF-16: save it in UTF-8")
+    lines = head.removeprefix(codecs.BOM_UTF8).decode("latin-1").splitlines()
     if re.match(r"\*[CU]0001", lines[0] if lines else ""):
         return "BSRN"
     if len(lines) > 2 and re.match(r"\s*-?\d+\.\d+\s+-?\d+\.\d+\s+\d+\s*m?\b", lines[1]):
@@ -139,17 +152,45 @@ def _bsrn(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     from pvlib.iotools import read_bsrn
 
     with _unpacked(path) as plain:
+        _check_pairs(Path(plain).read_text("ascii").splitlines())
         frame, about = read_bsrn(plain, logical_records=("0100",))
     # longitudes are counted from 180 W and latitudes from the south pole in the archive's files
     return _of_frame(frame), _place(about.get("latitude"), about.get("longitude"), about.get("altitude"))
 
 
+def _check_pairs(lines: list[str]) -> None:
+    """Raise UserError unless each minute of record 0100 has its two lines: pvlib takes them by turns, so that behind
+    one that is lost global light would be diffuse light."""
+    _check_years(year := int(lines[1][7:11]), year)
+    days = calendar.monthrange(year, int(lines[1][3:6]))[1]
+    within = second = False
+    for count, line in enumerate(lines, 1):
+        if line.startswith("*"):
+            within, second = line[2:6] == "0100", False
+        elif within and line.strip():
+            day, minute = line[:3].strip(), line[3:8].strip()
+            if second:
+                fits = not day and not minute
+            else:
+                fits = day.isdecimal() and 1 <= int(day) <= days and minute.isdecimal() and int(minute) < 1440
+            if not fits:
+                which = "second" if second else "first"
+                raise UserError(f"line {count} is not the {which} line of a minute of the month: "
+                                "a line is lost or moved: copy or download the file again")  # fmt: skip
+            second = not second
+
+
 def _surfrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
-    from pvlib.iotools import read_surfrad
+    from pvlib.iotools.surfrad import VARIABLE_MAP, read_surfrad
 
     with _unpacked(path) as plain:
-        frame, about = read_surfrad(plain)
-    return _of_frame(frame), _place(about["latitude"], about["longitude"], about["elevation"])
+        for count, line in enumerate(Path(plain).read_text("ascii").splitlines()[2:], 3):
+            if len(line.split()) not in (0, _COLUMNS_OF_SURFRAD):
+                raise UserError(f"line {count} has {len(line.split())} columns, and not {_COLUMNS_OF_SURFRAD}: "
+                                "copy or download the file again")  # fmt: skip
+        frame, about = read_surfrad(plain, map_variables=False)
+    frame = frame.rename(columns=VARIABLE_MAP)  # its own renaming warns with pandas 3.1
+    return _of_frame(frame), _by_zenith(frame, _place(about["latitude"], about["longitude"], about["elevation"]))
 
 
 def _solrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
@@ -159,7 +200,21 @@ def _solrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
         found = read_solrad(plain)
     frame = found[0] if isinstance(found, tuple) else found
     lat, lon, height = text_of(path, "latin-1").splitlines()[1].split()[:3]
-    return _of_frame(frame), _place(lat, lon, height)
+    return _of_frame(frame), _by_zenith(frame, _place(lat, lon, height))
+
+
+def _by_zenith(frame: pd.DataFrame, place: dict[str, float]) -> dict[str, float]:
+    """The place, east counted positive, as the file's own zenith angles of the sun have it: many files count west."""
+    theirs = frame["solar_zenith"].to_numpy(float)
+    theirs = np.where((theirs >= 0) & (theirs <= 180), theirs, np.nan)
+    if not np.isfinite(theirs).any():
+        raise UserError("no zenith angles of the sun, which tell whether longitudes are counted east: mend the file")
+    for sign in (1, -1):
+        turned = place | {"longitude": sign * place["longitude"]}
+        sun = sun_of(xr.Dataset(coords={"time": _of_frame(frame).time}, attrs=turned))
+        if np.nanmedian(np.abs(90.0 - sun.altitude_deg - theirs)) < _SAME_ZENITH_DEG:
+            return turned
+    raise UserError("the sun is elsewhere at its times and place than its zenith angles say: mend the file")
 
 
 @contextmanager
@@ -175,7 +230,10 @@ def _unpacked(path: Path) -> Iterator[str]:
 def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     """Times are local standard time, whose name is that of their column."""
     header, *rows = rows_of(path)
+    check_names(header)
     rows = [row for row in rows if len(row) == len(header)]
+    if not rows:
+        raise UserError(f"no rows with the {len(header)} columns that the first line names: mend the file")
     columns = dict(zip(header, zip(*rows, strict=True), strict=True))
     zone = next((name for name in header if name in _HOURS), None)
     if zone is None:
@@ -183,12 +241,18 @@ def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     clock = columns[zone]
     if "Year" in columns:
         day = np.array([f"{y}-01-01" for y in columns["Year"]], "datetime64[D]")
-        day = day + np.array([int(d) - 1 for d in columns["DOY"]], "timedelta64[D]")
-        minutes = [60 * (int(t) // 100) + int(t) % 100 for t in clock]
+        of_year = [int(d) for d in columns["DOY"]]
+        if not 1 <= min(of_year) <= max(of_year) <= 366:
+            raise UserError(f"days {min(of_year)} to {max(of_year)} of a year (DOY): mend the file")
+        day = day + np.array(of_year, "timedelta64[D]") - np.timedelta64(1, "D")
+        hours = [divmod(int(t), 100) for t in clock]
     else:
         dates = [text.split("/") for text in columns[next(n for n in header if "MM/DD/YYYY" in n)]]
         day = np.array([f"{y}-{int(m):02d}-{int(d):02d}" for m, d, y in dates], "datetime64[D]")
-        minutes = [60 * int(text[:-3]) + int(text[-2:]) for text in clock]
+        hours = [(int(text[:-3]), int(text[-2:])) for text in clock]
+    minutes = [60 * hour + minute for hour, minute in hours]
+    if min(minutes) < 0 or max(minutes) > 1440 or max(minute for _, minute in hours) > 59:
+        raise UserError(f"hours and minutes in its column {zone} that no day has: mend the file")
     time = day.astype("datetime64[m]") + np.array(minutes, "timedelta64[m]") - np.timedelta64(_HOURS[zone], "h")
     return _of_columns(columns, time), _beside(path)
 
@@ -227,7 +291,10 @@ def _table(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
         raise UserError(
             f"{path}: {len(odd[0])} columns in the row of {shown(odd[0][0])}, and {len(header)} names: mend the file"
         )
+    check_names([name.strip() for name in header])
     columns = dict(zip(map(str.strip, header), zip(*rows, strict=True), strict=True))
+    if blank := [row for row, text in enumerate(columns["utc"], 1) if not text.strip()]:
+        raise UserError(f"{path}: row {blank[0]} has no time in utc: mend the file")
     time = np.array([parse_time(text) for text in columns["utc"]], "datetime64[ms]")
     return _of_columns(columns, time), _beside(path)
 
@@ -235,17 +302,18 @@ def _table(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
 def _of_columns(columns: Mapping[str, Any], time: NDArray[np.datetime64]) -> xr.Dataset:
     """Columns by their names; the mean of those of one kind (two instruments)."""
     years = time.astype("datetime64[Y]").astype(int) + 1970
-    if years.size and not (years.min() >= _YEARS[0] and years.max() <= _YEARS[1]):
-        raise UserError(f"times of the years {years.min()} to {years.max()}: no station measured then: mend the file")
+    _check_years(years.min(), years.max())
     out = xr.Dataset(coords={"time": time.astype("datetime64[ns]")})
-    for ours, pattern in _COLUMNS:
-        names = [n for n in columns if re.match(pattern, n.strip().lower().split(" [")[0])]
-        if ours == "temperature" and len(names) > 1:
-            names = [n for n in names if "2m" in n][:1] or names[:1]
-        if names:
-            values = np.array([[float(v) if v.strip() else np.nan for v in columns[n]] for n in names])
-            out[ours] = ("time", _measured(ours, _in_si(ours, values)).mean(axis=0))
+    for name in QUANTITIES:
+        values = columns_of(columns, name)
+        if values is not None:
+            out[name] = ("time", _measured(name, values).mean(axis=0))
     return out
+
+
+def _check_years(first: int, last: int) -> None:
+    if not _YEARS[0] <= first <= last <= _YEARS[1]:
+        raise UserError(f"times of the years {first} to {last}: no station measured then: mend the file")
 
 
 def _of_frame(frame: pd.DataFrame) -> xr.Dataset:
@@ -253,7 +321,10 @@ def _of_frame(frame: pd.DataFrame) -> xr.Dataset:
     out = xr.Dataset(coords={"time": index.values.astype("datetime64[ns]")})
     for theirs, ours in _PVLIB.items():
         if theirs in frame:
-            out[ours] = ("time", _in_si(ours, frame[theirs].to_numpy(float)))
+            values = _in_si(ours, frame[theirs].to_numpy(float))
+            if f"{theirs}_flag" in frame:
+                values = np.where(frame[f"{theirs}_flag"].to_numpy(float) == _BAD_FLAG, np.nan, values)
+            out[ours] = ("time", values)
     return out
 
 

@@ -1,0 +1,91 @@
+"""Columns of tables of stations: which quantity each has, by its name, and in which unit, by the brackets behind it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.arguments import shown
+from openswim.errors import UserError
+
+F64 = NDArray[np.float64]
+
+_NAMES = {  # how names begin or read; the first is what a column of ours is called
+    "ghi": r"ghi|global (horiz|cmp22|psp)",
+    "dni": r"dni|direct (normal|chp1|nip)",
+    "dhi": r"dhi|diffuse (horiz|cm22|cmp22|psp|8-48)",
+    "up": r"uw(_?sol(ar)?)?(_?\d+)?$",  # not of infrared light
+    "temperature": r"temp(_air|_c)?$|(air )?temperature|deck dry bulb",
+    "relative_humidity": r"rh$|rel(ative)?[ _]hum(idity)?",
+    "pressure": r"(station )?press(ure)?",
+}
+_LIGHT = frozenset({"ghi", "dni", "dhi", "up"})
+_NO_VALUES = frozenset({  # words of columns about a quantity
+    "accumulated", "avail", "clear", "clearsky", "count", "dev", "err", "error", "etr", "flag", "flags", "max",
+    "maximum", "min", "minimum", "model", "n", "qc", "quality", "sd", "sigma", "std", "stdev", "toa", "uncertainty",
+})  # fmt: skip
+_FACTORS = {  # to SI, or of temperature the zero's offset as well; "" where no unit is written
+    "light": {"": (1.0, 0.0), "w/m2": (1.0, 0.0), "wm-2": (1.0, 0.0), "kw/m2": (1e3, 0.0), "kwm-2": (1e3, 0.0)},
+    "temperature": {"": (1.0, 273.15), "c": (1.0, 273.15), "k": (1.0, 0.0), "f": (5 / 9, 459.67 * 5 / 9)},
+    "relative_humidity": {"": (0.01, 0.0), "%": (0.01, 0.0), "percent": (0.01, 0.0), "1": (1.0, 0.0)},
+    "pressure": {"": (100.0, 0.0), "mbar": (100.0, 0.0), "mb": (100.0, 0.0), "hpa": (100.0, 0.0), "pa": (1.0, 0.0),
+                 "kpa": (1e3, 0.0)},
+}  # fmt: skip
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Raise UserError where two columns have one name: either could be meant."""
+    if twice := [name for number, name in enumerate(names) if name.strip() and name in names[:number]]:
+        raise UserError(f"the column {shown(twice[0])} is there twice: remove one, or name them apart")
+
+
+def columns_of(columns: Mapping[str, Sequence[str]], quantity: str) -> F64 | None:
+    """Values (columns, rows) in SI of all instruments of a quantity, or of the column that has its plain name; None:
+    it has none. Columns about a quantity, or of a unit that is none of it, are no values of it."""
+    units = _FACTORS["light" if quantity in _LIGHT else quantity]
+    found: dict[str, tuple[float, float]] = {}
+    for column in columns:
+        name, unit = _name_and_unit(column)
+        words = re.split(r"[^a-z0-9]+", name)
+        if re.match(_NAMES[quantity], name) and _NO_VALUES.isdisjoint(words):
+            if unit in units:
+                found[column] = units[unit]
+            elif quantity not in _LIGHT:  # of light there are sums and voltages beside
+                raise UserError(f"the column {shown(column)} has a unit unknown of {quantity}: "
+                                f"give one of {', '.join(filter(None, units))}")  # fmt: skip
+    if plain := [column for column in found if _name_and_unit(column)[0] == quantity]:
+        found = {column: found[column] for column in plain[:1]}
+    elif quantity == "temperature" and len(found) > 1:
+        first = next((column for column in found if "2m" in column), next(iter(found)))
+        found = {first: found[first]}
+    if not found:
+        return None
+    return np.array([_values(column, columns[column]) * factor + zero for column, (factor, zero) in found.items()])
+
+
+def _name_and_unit(column: str) -> tuple[str, str]:
+    """In small letters; of brackets within, such as those of an instrument, only the last that are square or have a
+    division or a power are a unit."""
+    text = column.strip().lower()
+    found = re.fullmatch(r"(.*?)\s*(?:\[([^]]*)\]|\(([^)]*(?:/|-2)[^)]*)\))", text)
+    if found is None:
+        return text, ""
+    unit = re.sub(r"[\s^*²]|deg|°", lambda part: "2" if part[0] == "²" else "", found[2] or found[3] or "")
+    return found[1], unit
+
+
+def _values(column: str, texts: Sequence[str]) -> F64:
+    """Numbers; blank is none."""
+    out = np.full(len(texts), np.nan)
+    for row, text in enumerate(texts):
+        try:
+            out[row] = float(text) if text.strip() else np.nan
+        except ValueError:
+            raise UserError(f"{shown(text)} in the column {shown(column)} is no number: leave it empty") from None
+    return np.where(out < _LACKING, np.nan, out)
+
+
+_LACKING = -900.0  # below it values stand for none, in any unit
