@@ -27,6 +27,7 @@ _NO_VALUES = frozenset({  # words of columns about a quantity
     "accumulated", "avail", "clear", "clearsky", "count", "dev", "err", "error", "etr", "flag", "flags", "max",
     "maximum", "min", "minimum", "model", "n", "qc", "quality", "sd", "sigma", "std", "stdev", "toa", "uncertainty",
 })  # fmt: skip
+_LACKING = -900.0  # below it values stand for none, in any unit
 _FACTORS = {  # to SI, or of temperature the zero's offset as well; "" where no unit is written
     "light": {"": (1.0, 0.0), "w/m2": (1.0, 0.0), "wm-2": (1.0, 0.0), "kw/m2": (1e3, 0.0), "kwm-2": (1e3, 0.0)},
     "temperature": {"": (1.0, 273.15), "c": (1.0, 273.15), "k": (1.0, 0.0), "f": (5 / 9, 459.67 * 5 / 9)},
@@ -37,9 +38,15 @@ _FACTORS = {  # to SI, or of temperature the zero's offset as well; "" where no 
 
 
 def check_names(names: Sequence[str]) -> None:
-    """Raise UserError where two columns have one name: either could be meant."""
-    if twice := [name for number, name in enumerate(names) if name.strip() and name in names[:number]]:
+    """Raise UserError where two columns that count have one name: either could be meant."""
+    twice = [name for number, name in enumerate(names) if name in names[:number] and _counts(name)]
+    if twice:
         raise UserError(f"the column {shown(twice[0])} is there twice: remove one, or name them apart")
+
+
+def _counts(column: str) -> bool:
+    name, _ = _name_and_unit(column)
+    return name == "utc" or any(re.match(pattern, name) for pattern in _NAMES.values())
 
 
 def columns_of(columns: Mapping[str, Sequence[str]], quantity: str) -> F64 | None:
@@ -86,6 +93,3 @@ def _values(column: str, texts: Sequence[str]) -> F64:
         except ValueError:
             raise UserError(f"{shown(text)} in the column {shown(column)} is no number: leave it empty") from None
     return np.where(out < _LACKING, np.nan, out)
-
-
-_LACKING = -900.0  # below it values stand for none, in any unit
