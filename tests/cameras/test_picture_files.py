@@ -100,6 +100,10 @@ def test_fits_of_every_kind(tmp_path):
         assert picture.header["DATE-OBS"] == "2018-09-14T11:53:22.8"
     path.write_bytes(fits(DEEP.astype(">f4"), -32))
     np.testing.assert_array_equal(read_picture(path).counts, DEEP)
+    over = DEEP.astype(">f4")
+    over[0, 0] = np.inf  # one that overflowed is as bright as the brightest, and no scale for the others
+    path.write_bytes(fits(over, -32))
+    assert read_picture(path).full_scale == read_picture(path).counts[0, 0] == DEEP.ravel()[1:].max()
     path.write_bytes(fits((DEEP // 10).astype(">i2"), 16, BSCALE=0.5, BZERO=3.0))
     np.testing.assert_array_equal(read_picture(path).counts, DEEP // 10 * 0.5 + 3)
     path.write_bytes(fits(np.moveaxis(COLOUR, -1, 0), 8))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
 from pathlib import Path
 
@@ -125,6 +126,20 @@ def test_diffuse_flux_is_half_of_what_thin_air_scatters(rayleigh_air) -> None:
     two_stream = mu * (2 / 3 + mu + (2 / 3 - mu) * np.exp(-tau / mu)) / (4 / 3 + tau)
     assert diffuse == pytest.approx(two_stream - mu * np.exp(-tau / mu), rel=0.016)
     assert diffuse == pytest.approx(0.5 * mu * (1 - np.exp(-tau / mu)), rel=0.016)
+
+
+def test_the_same_air_is_solved_once_and_other_air_anew() -> None:
+    air = background(Scene.clear(LAT, LON).atmosphere, np.full(4, 550.0), shell_levels())
+    given = {"background": air, "sun_range_deg": (30.0, 31.0), "radius_m": RADIUS_M, "ground_m": 0.0,
+             "ground_albedo": 0.2, "top_m": 1e4}  # fmt: skip
+    first = build_shells(**given)
+    assert build_shells(**given).moments is first.moments
+    thicker = dataclasses.replace(air, aerosol_per_m=1.001 * air.aerosol_per_m)
+    others = ({"background": thicker}, {"sun_range_deg": (60.0, 61.0)}, {"ground_m": 1.0}, {"ground_albedo": 0.201},
+              {"scale": 1.01}, {"background": dataclasses.replace(air, starlit=True)})  # fmt: skip
+    for other in others:
+        found = build_shells(**(given | other)).moments
+        assert found.shape != first.moments.shape or (found != first.moments).any(), other
 
 
 def test_vacuum_lets_all_through() -> None:

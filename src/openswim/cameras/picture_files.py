@@ -86,9 +86,15 @@ def read_fits_picture(path: Path) -> Picture:
         counts = np.moveaxis(counts, 0, -1)
     if counts.ndim != 2 and counts.shape[-1:] != (3,):
         raise UserError(f"{path}: holds an array of {counts.shape}: give a picture in one channel or in three")
-    bits = abs(int(header["BITPIX"]))
-    integer = int(header["BITPIX"]) > 0
-    return Picture(counts, float(2**bits - 1) if integer else float(np.nanmax(counts)), header)
+    bits = int(header["BITPIX"])
+    return Picture(counts, float(2**bits - 1), header) if bits > 0 else Picture(*_of_decimals(counts), header)
+
+
+def _of_decimals(counts: NDArray[Any]) -> tuple[NDArray[Any], float]:
+    """Counts, those that overflowed as the brightest that did not, and what that is: their full scale."""
+    known = counts[np.isfinite(counts)]
+    most = known.max() if known.size else counts.dtype.type(0)
+    return np.minimum(counts, most), float(most)
 
 
 def _read_pillow(path: Path) -> Picture:
@@ -114,8 +120,10 @@ def _read_pillow(path: Path) -> Picture:
             one = image.mode in ("1", "LA", "La")
             image = image.convert("L" if one else "RGB")
         counts = np.asarray(image)
-        if image.mode in ("I", "F"):
-            return Picture(counts, 65535.0 if image.mode == "I" else float(np.nanmax(counts)), exif=exif)
+        if image.mode == "F":
+            return Picture(*_of_decimals(counts), exif=exif)
+        if image.mode == "I":
+            return Picture(counts, 65535.0, exif=exif)
         return Picture(counts, 65535.0 if counts.dtype.itemsize == 2 else 255.0, exif=exif)
 
 
@@ -128,8 +136,9 @@ def _read_deep(path: Path) -> Picture:
             whole = data.read(data.count)
             bands = bands * (whole == np.iinfo(whole.dtype).max)
     counts = bands[0] if len(bands) == 1 else np.moveaxis(bands, 0, -1)
-    integer = counts.dtype.kind == "u"
-    return Picture(counts, float(np.iinfo(counts.dtype).max) if integer else float(np.nanmax(counts)))
+    if counts.dtype.kind == "u":
+        return Picture(counts, float(np.iinfo(counts.dtype).max))
+    return Picture(*_of_decimals(counts))
 
 
 def _read_raw(path: Path) -> Picture:

@@ -64,10 +64,10 @@ def fit_curve(light: F64, radiance: F64, weight: F64) -> Curve | None:
     """The rising curve nearest to simulated radiance (n,) at observed linear light (n,); None of too few pixels."""
     from scipy.optimize import isotonic_regression
 
-    if light.size < FEWEST_PIXELS or light.max() <= max(light.min(), 0.0):
+    if light.size < FEWEST_PIXELS or light.max() <= light.min():
         return None
     # bins of as many pixels each, but for those of one rung
-    rung = (np.sqrt(np.maximum(light / light.max(), 0)) * _RUNGS).astype(np.intp)
+    rung = (np.sqrt((light - light.min()) / (light.max() - light.min())) * _RUNGS).astype(np.intp)
     pixels = np.bincount(rung)
     bin_of_rung = ((np.cumsum(pixels) - 0.5 * pixels) * (_BINS / light.size)).astype(np.intp)
     number = bin_of_rung[rung]
