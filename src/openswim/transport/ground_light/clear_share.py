@@ -37,25 +37,33 @@ def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32
         for end, beyond in zip(of_axis, (0, -1), strict=True):
             if end:
                 np.moveaxis(depth, axis, 0)[beyond] = 0
-    steps = np.rint(height[:, None, None] * way[:, :2] / way[:, 2:] / medium.cell_m[:2])  # of columns: (nk, n, 2)
-    nodes = [1 + (at % size if medium.periodic else np.clip(at, -1, size)) for at, size in
-             ((np.arange(size) + steps[..., axis, None].astype(np.int64), size) for axis, size in ((0, nx), (1, ny)))]
+    steps = np.rint(height * (way[:, :2] / way[:, 2:] / medium.cell_m[:2])[..., None])  # of columns: (n, 2, nk)
     out = np.zeros((len(down), ny, nx), FLOAT)
-    in_threads(_add_depths, np.ascontiguousarray(depth), *nodes, out)
+    in_threads(_add_depths, np.ascontiguousarray(depth), steps.astype(np.int64), medium.periodic, out)
     np.exp(out / -way[:, 2, None, None].astype(FLOAT), out=out)
     return np.einsum("nw,nji->wji", weight, out, optimize=True)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _add_depths(t, threads, depth, columns, rows, out):
-    """Part t of the depths ``out`` (n, ny, nx) along lines that pass layers (nk, ny + 2, nx + 2) of ``depth`` at
-    ``columns`` (nk, n, nx) and ``rows`` (nk, n, ny)."""
+def _add_depths(t, threads, depth, steps, periodic, out):
+    """Part t of the depths ``out`` (n, ny, nx) along lines that pass layers (nk, ny + 2, nx + 2) of ``depth`` so many
+    ``steps`` (n, 2, nk) of columns along x and y away."""
+    _, ny, nx = out.shape
+    columns = np.empty(nx, np.int64)
     for n in range(t, out.shape[0], threads):
         for k in range(depth.shape[0]):
-            for j in range(out.shape[1]):
-                row = rows[k, n, j]
-                for i in range(out.shape[2]):
-                    out[n, j, i] += depth[k, row, columns[k, n, i]]
+            for i in range(nx):
+                columns[i] = _node(i + steps[n, 0, k], nx, periodic)
+            for j in range(ny):
+                row = _node(j + steps[n, 1, k], ny, periodic)
+                for i in range(nx):
+                    out[n, j, i] += depth[k, row, columns[i]]
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def _node(at, count, periodic):
+    """Where a column stands in a row with one more before and after it."""
+    return 1 + (at % count if periodic else min(max(at, -1), count))
 
 
 def _layers(medium: Medium, scaled: F32) -> tuple[F64, F32]:
