@@ -79,14 +79,21 @@ def test_clear_times_are_told_before_times_are_left_out(
     assert len(out.read_text().splitlines()) == 1 + total
 
 
-def test_a_time_that_is_there_twice_is_refused_where_rows_are_counted(
+def test_a_row_that_is_there_twice_counts_once_and_two_values_of_one_time_are_refused(
     station: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     header, first, *rest = station.read_text().splitlines()
+    every_ten = [*BESIDE, "--station", str(station), "--every", "10min", "-o", str(tmp_path / "out.csv")]
+    assert run(every_ten) == 0
+    once = (tmp_path / "out.csv").read_text()
     station.write_text("\n".join([header, first, first, *rest]) + "\n")
-    assert run([*BESIDE, "--station", str(station), "--every", "10min", "-o", str(tmp_path / "out.csv")]) == 2
-    assert "a.csv: has the time 2016-06-23T09:00:00Z twice: remove one" in capsys.readouterr().err
-    assert run([*BESIDE, "--station", str(station), "-o", str(tmp_path / "out.csv")]) == 0
+    assert run(every_ten) == 0
+    assert (tmp_path / "out.csv").read_text() == once
+    last = first.split(",")[-1]
+    other = first.removesuffix(last) + str(float(last) + 1)
+    station.write_text("\n".join([header, first, other, *rest]) + "\n")
+    assert run(every_ten) == 2
+    assert "there twice for 2016-06-23T09:00:00Z, with two values" in capsys.readouterr().err
 
 
 def test_a_plot_that_fails_leaves_the_values(

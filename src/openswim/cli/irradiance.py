@@ -264,18 +264,12 @@ def _tell_checks(failed: dict[str, int], count: int) -> None:
 
 
 def _within(request: IrradianceRequest, station: xr.Dataset) -> xr.Dataset:
-    """From --start to --end; with --every, which counts rows, no time may be there twice."""
-    import numpy as np
-
+    """From --start to --end."""
     from openswim.scene.times import parse_time
 
     found = station.sel(time=slice(parse_time(request.start), parse_time(request.end)))
     if not found.sizes["time"]:
         raise UserError(f"{request.station}: no values between --start and --end")
-    twice = found.time.values[1:][np.diff(found.time.values) == np.timedelta64(0)]
-    if request.every is not None and twice.size:
-        time = np.datetime_as_string(twice[0], "s")
-        raise UserError(f"{request.station}: has the time {time}Z twice: remove one of its rows, or leave --every out")
     return found
 
 
