@@ -1,11 +1,12 @@
 """One exposure curve for a film, so slow that nobody notices it: what each frame would like, within bounds.
 
-What frames want is first taken in the mean over about a second, in which bright things that pass by are lost. The
-logarithm of the curve changes by `RATE` at most, and faster only where frames would else be `MOST_OFF` too dark or too
-bright, as at twilight in a film of a day: there by as much as the taut string through that corridor, which of all
-curves in it has the least of any convex measure of its slopes (Davies and Kovac 2001). Of all curves of such slopes the
-one is taken that is least far from what the frames want at its worst: the mean of the largest one below and the
-smallest one above.
+What frames want is first taken as the median over about a second, in which bright things that pass by are lost while
+dusk, however fast, stays as it is. The logarithm of the curve changes by `RATE` at most, and faster only where frames
+would else be `MOST_OFF` too dark or too bright, as at twilight in a film of a day: there by as much as the taut
+string through that corridor, which of all curves in it has the least of any convex measure of its slopes (Davies and
+Kovac 2001). Of all curves of such slopes the one is taken that is least far from what the frames want at its worst:
+the mean of the largest one below and the smallest one above. Its corners are rounded, but nowhere so far that a frame
+leaves the corridor that it was in.
 """
 
 from __future__ import annotations
@@ -17,18 +18,19 @@ F64 = NDArray[np.float64]
 
 RATE = 0.1  # stops per second of the film, which nobody notices
 MOST_OFF = 1.0  # stops that a frame may be darker or brighter than it would be by itself
-PASSING_S = 0.5  # standard deviation of the mean in which is lost what passes by, as marks of a runway do,
-ROUNDED_S = 0.3  # and of that which rounds the corners of the curve
-LEAST_FRAMES = 1.0  # and at least so many frames
+PASSING_S = 0.5  # what lasts no longer passes by, as marks of a runway do
+ROUNDED_S = 0.3  # standard deviation of the mean that rounds the corners of the curve
+LEAST_FRAMES = 1.0  # and at least so many frames, of either
 
 
 def exposure_curve(wanted: ArrayLike, frames_per_second: float) -> F64:
     """Factors (n,) from L' to display light for a film, from what each frame by itself wants (n,), positive."""
     passing, rounding = (max(seconds * frames_per_second, LEAST_FRAMES) for seconds in (PASSING_S, ROUNDED_S))
-    stops = _smooth(np.log2(np.asarray(wanted, float)), passing)
+    stops = _lasting(np.log2(np.asarray(wanted, float)), round(passing))
     needed = np.abs(np.diff(taut(stops - MOST_OFF, stops + MOST_OFF)))
     curve = slow(stops, np.maximum(needed, RATE / frames_per_second))
-    return np.asarray(2.0 ** _smooth(curve, rounding))
+    off = np.maximum(np.abs(curve - stops), MOST_OFF)
+    return np.asarray(2.0 ** np.clip(_smooth(curve, rounding), stops - off, stops + off))
 
 
 def taut(low: F64, high: F64) -> F64:
@@ -83,6 +85,14 @@ def slow(curve: F64, steepest: F64) -> F64:
         return np.asarray(np.minimum.accumulate((forward + tilt)[::-1])[::-1] - tilt)
 
     return np.asarray(0.5 * (below(curve) - below(-curve)))
+
+
+def _lasting(curve: F64, passing: int) -> F64:
+    """A curve (n,) without what lasts no longer than ``passing`` steps: its median over so many to either side, or over
+    as many as there are to both, so that what rises or falls all the while is as it was."""
+    n = len(curve)
+    reach = np.minimum(np.minimum(np.arange(n), np.arange(n)[::-1]), passing)
+    return np.array([np.median(curve[k - r : k + r + 1]) for k, r in enumerate(reach)])
 
 
 def _smooth(curve: F64, sigma: float) -> F64:
