@@ -65,6 +65,20 @@ def test_seas_are_dark_where_they_are():
     assert albedo(np.array([59.0]), np.array([17.0]))[0] < 0.75 * albedo(np.array([-11.0]), np.array([-43.0]))[0]
 
 
+def test_the_moons_face_has_no_steps():
+    """In a step of a hundredth of a degree the grey changes by a fiftieth of what it does in half a degree: along a
+    meridian, a parallel, across the far side's 180 degrees, and at a pole."""
+    from openswim.heavens.moon_disc import albedo
+
+    n = np.arange(-0.25, 20.25, 0.01)  # from one middle of the map to another
+    for lon, lat in [(np.full_like(n, 20.0), n), (n, np.full_like(n, 10.0)), (170 + n, 0 * n), (0 * n, 70 + n)]:
+        grey = albedo((lon + 180) % 360 - 180, lat)
+        assert np.abs(np.diff(grey)).max() < 0.021 * np.abs(grey[50:] - grey[:-50]).max() + 1e-12
+    assert albedo(np.array([-180.0]), np.array([5.0])) == pytest.approx(
+        albedo(np.array([179.9999]), np.array([5.0])), rel=1e-3
+    )
+
+
 def test_a_stars_light_falls_on_the_picture_whole():
     camera = Camera.perspective(*PLACE, azimuth_deg=180, altitude_deg=40, fov_deg=30, size=(120, 160))
     pixels = camera.pixels()

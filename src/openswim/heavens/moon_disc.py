@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
+from openswim.ground.fields import bilinear
 from openswim.heavens.bent_rays import Refraction
 from openswim.heavens.points import Drawn, gathered
 from openswim.heavens.sun_disc import Disc, Through, across, nearest, pixels_of
@@ -34,19 +35,17 @@ _GOLDEN = (5**0.5 - 1) / 2
 
 @cache
 def _albedo_map() -> F64:
-    """Relative albedo (360, 720): rows from the north pole, columns from longitude -180."""
+    """Relative albedo (360, 722), rows from the north pole, columns from longitude -180, one more on both sides."""
     from PIL import Image
 
     with resources.files("openswim.lights").joinpath("data/moon.jpg").open("rb") as stream:
         grey = np.asarray(Image.open(stream).convert("L"), float) / 255
-    return np.asarray(np.maximum(from_srgb(grey), 1e-3) ** _PALER)
+    return np.pad(np.maximum(from_srgb(grey), 1e-3) ** _PALER, ((0, 0), (1, 1)), "wrap")
 
 
 def albedo(lon_deg: F64, lat_deg: F64) -> F64:
-    """Relative albedo at selenographic places, the nearest of half a degree."""
-    grid = _albedo_map()
-    row = np.clip(((90 - lat_deg) * 2).astype(int), 0, 359)
-    return np.asarray(grid[row, np.floor((lon_deg + 180) * 2).astype(int) % 720])
+    """Relative albedo at selenographic places, bilinear between the middles of half degrees."""
+    return bilinear(_albedo_map(), 0.5 + 2 * ((lon_deg + 180) % 360), 2 * (90 - lat_deg) - 0.5)
 
 
 def even_places(count: int) -> F64:
