@@ -10,6 +10,7 @@ import xarray as xr
 
 from openswim.arguments import takes
 from openswim.cameras import Camera
+from openswim.errors import UserError
 from openswim.lighting import WAVELENGTHS_NM, light, solver_of, sun_over_camera
 from openswim.pictures.images import check_fits, check_layers
 from openswim.pictures.observer import check_observer
@@ -27,6 +28,7 @@ def render(
     time: Any = None,
     sun: tuple[float, float] | None = None,
     layers: bool = False,
+    sparse: float = 0.0,
 ) -> xr.Dataset:
     """Image of a scene: what a calibrated camera would measure.
 
@@ -39,16 +41,22 @@ def render(
     ray ends on the ground; attributes with place, time, sun, solver and the irradiance at the observer. "reference"
     adds ``radiance_standard_error``, the paths per pixel and the mean error. layers=True adds what is seen in each
     pixel (``seen``), its ``distance`` and ``height`` (m), and the ``optical_depth`` of each species on (species, y, x).
+
+    sparse: for pictures that are only looked at, a tenth to a third faster: pixels between neighbours whose light
+    spreads by no more than this over its mean get theirs. At .02 they are within .2 % rms of what all rays see, and,
+    but for one in a thousand, 1 %. Solver "reference" follows all rays.
     """
+    if not 0 <= sparse < 1:
+        raise UserError(f"sparse is {sparse:g}: give a spread of light over its mean from 0 to below 1, such as .02")
     if isinstance(scene, LitScene):
-        return scene.viewpoint(camera).view(layers)
+        return scene.viewpoint(camera).view(layers, sparse=sparse)
     check_fits(camera.shape, np.size(wavelengths_nm))
     chosen = solver_of(solver)
     part = _needed(scene, camera, chosen.name)
     check_observer(part, camera, chosen.name)
     check_layers(layers, chosen.name)
     sun = sun_over_camera(part, camera, sun)
-    return light(part, chosen, wavelengths_nm, time, sun).viewpoint(camera).view(layers)
+    return light(part, chosen, wavelengths_nm, time, sun).viewpoint(camera).view(layers, sparse=sparse)
 
 
 def _needed(scene: Scene, camera: Camera, solver: str) -> Scene:

@@ -17,6 +17,7 @@ from openswim.cli.main import run
 from openswim.cli.options import VIEWS as VIEWS_OF_OPTIONS
 from openswim.cli.render import RenderRequest, irradiance_line
 from openswim.errors import UserError
+from openswim.pictures.viewpoint import LOOKED_AT
 
 ARGUMENTS = ["--lat", "47", "--lon", "11"]
 
@@ -37,7 +38,7 @@ def _image(rows: int = 6, columns: int = 9) -> xr.Dataset:
 @pytest.fixture
 def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
     """A scene and a renderer that cost nothing; `calls` holds what they were asked for."""
-    calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[], suns=[])
+    calls = SimpleNamespace(cameras=[], solvers=[], times=[], places=[], suns=[], sparse=[])
     notes = ["no ice species in the file: none assumed"]
     scene = SimpleNamespace(grid=None, wider=None, atmosphere=None, optics={}, notes=notes)
     scene.levels = [scene]
@@ -47,7 +48,8 @@ def world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SimpleNamespace:
         calls.places.append(around)
         return scene
 
-    def render(scene, camera, solver="fast", **sun):
+    def render(scene, camera, solver="fast", sparse=0.0, **sun):
+        calls.sparse.append(sparse)
         calls.suns.append(sun)
         calls.cameras.append(camera)
         calls.solvers.append(solver)
@@ -81,9 +83,7 @@ def test_irradiance_is_told_by_night_as_well() -> None:
 
 
 def test_render_writes_every_output(world, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    code = run(
-        ["render", "file.nc", *ARGUMENTS, "-o", "sky.png", "-o", "sky.nc", "--time", "2020-01-01T12:00"]
-    )
+    code = run(["render", "file.nc", *ARGUMENTS, "-o", "sky.png", "-o", "sky.nc", "--time", "2020-01-01T12:00"])
     said = capsys.readouterr()
     assert code == 0, said.err
     assert "no ice species" in said.err
@@ -138,6 +138,16 @@ def test_options_make_the_camera(world, options: list[str], expected: dict) -> N
     (camera,) = world.cameras
     assert {name: getattr(camera, name) for name in expected} == expected
     assert (camera.lat, camera.lon) == (47.0, 11.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "fewer"),
+    [("-o a.png", True), ("-o a.jpg -o b.png", True), ("-o a.png --bits 16", False), ("-o a.png -o a.nc", False)],
+)
+def test_what_is_only_looked_at_is_seen_by_fewer_rays(world, tmp_path: Path, options: str, fewer: bool) -> None:
+    given = [f"{tmp_path}/{word}" if "." in word else word for word in options.split()]
+    assert run(["render", "scene.nc", "--lat", "20", "--lon", "-60", *given]) == 0
+    assert world.sparse == [LOOKED_AT if fewer else 0.0]
 
 
 def test_a_camera_file_in_place_of_a_view(world, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -409,9 +419,7 @@ def test_a_film_has_the_options_of_a_picture(monkeypatch: pytest.MonkeyPatch) ->
                 "--allow-references", "--every", "5min", "--fps", "10", "--speed", "2", "--no-title",
                 "-o", "a.mp4"]) == 0  # fmt: skip
     picture = RenderRequest(Path("x.nc"), (), 47.0, 8.0, member=3, quality="preview", allow_references=True)
-    assert found == [
-        film.FilmRequest(picture, Path("a.mp4"), "5min", frames_per_second=10.0, speed=2.0, title=False)
-    ]
+    assert found == [film.FilmRequest(picture, Path("a.mp4"), "5min", frames_per_second=10.0, speed=2.0, title=False)]
 
 
 def test_a_film_of_each_member(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -421,8 +429,21 @@ def test_a_film_of_each_member(monkeypatch: pytest.MonkeyPatch) -> None:
     found: list[film.FilmRequest] = []
     monkeypatch.setattr(film, "_run", found.append)
     monkeypatch.setattr(readers, "members_of", lambda file, allow: [5, 12])
-    line = ["film", "x.nc", "--lat", "47", "--lon", "8", "--keogram", "k.png", "--irradiance", "i.csv",
-            "-o", "day.mp4", "--member"]
+    line = [
+        "film",
+        "x.nc",
+        "--lat",
+        "47",
+        "--lon",
+        "8",
+        "--keogram",
+        "k.png",
+        "--irradiance",
+        "i.csv",
+        "-o",
+        "day.mp4",
+        "--member",
+    ]
     assert run([*line, "all"]) == 0
     assert [(str(one.output), str(one.keogram), one.picture.member) for one in found] == [
         ("day_m005.mp4", "k_m005.png", 5), ("day_m012.mp4", "k_m012.png", 12)]  # fmt: skip

@@ -146,8 +146,14 @@ def scene_of(plan: Plan, task: Task, camera: PlannedCamera) -> Scene:
 
 
 def _image(plan: Plan, camera: PlannedCamera, lit: LitScene) -> xr.Dataset:
+    from openswim.colour.picture import only_looked_at
+    from openswim.pictures.viewpoint import LOOKED_AT
+
     viewpoint = lit.viewpoint(camera.camera)
-    return viewpoint.view() if plan.ensemble is None else with_cloud_depth(viewpoint)
+    if plan.ensemble is not None:
+        return with_cloud_depth(viewpoint)
+    looked_at = only_looked_at([f"_{suffix}" for suffix in camera.suffixes], dict(plan.look).get("bits", 8))
+    return viewpoint.view(sparse=LOOKED_AT if looked_at else 0.0)
 
 
 def _written(plan: Plan, task: Task, camera: PlannedCamera, image: xr.Dataset) -> list[str]:

@@ -23,15 +23,14 @@ def run(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(
-            f"{folder}: cannot be made ({error.strerror}); choose another folder with -o"
-        ) from None
+        raise UserError(f"{folder}: cannot be made ({error.strerror}); choose another folder with -o") from None
     check_writable(folder / "demo_allsky.png")
     preload()
 
     import openswim
     from openswim.cli.render import irradiance_line, write
     from openswim.lighting import light
+    from openswim.pictures.viewpoint import LOOKED_AT
     from openswim.scene.procedural import demo_scene
 
     scene = demo_scene()
@@ -43,7 +42,7 @@ def run(folder: Path) -> None:
         written = []
         for name, camera in cameras(scene).items():
             began = time.perf_counter()
-            image = openswim.render(lit, camera)
+            image = openswim.render(lit, camera, sparse=LOOKED_AT)
             picture = folder / f"demo_{name}.png"
             written.append(writer.submit(write, image, (picture,)))
             click.echo(f"{picture}: {time.perf_counter() - began:.1f} s")
@@ -62,8 +61,6 @@ def cameras(scene: "Scene") -> dict[str, "Camera"]:
     return {
         "allsky": Camera.allsky(lat, lon, size=600),
         "panorama": Camera.panorama(lat, lon, size=1200),
-        "airborne": Camera.perspective(
-            lat, lon, height_m=6000.0, azimuth_deg=30.0, altitude_deg=-15.0, fov_deg=75.0
-        ),
+        "airborne": Camera.perspective(lat, lon, height_m=6000.0, azimuth_deg=30.0, altitude_deg=-15.0, fov_deg=75.0),
         "space": Camera.satellite(lat, lon, height_m=400_000.0, fov_deg=3.2, size=600),
     }

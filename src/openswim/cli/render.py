@@ -79,7 +79,7 @@ class RenderRequest:
 def run(request: RenderRequest) -> None:
     """Render and write; whatever can be wrong with the request is found before any work is done."""
     from openswim.colour import check_writable
-    from openswim.colour.picture import check_bits
+    from openswim.colour.picture import check_bits, only_looked_at
     from openswim.ground.earth import preload
     from openswim.pictures.images import check_layers
     from openswim.readers import files_of
@@ -109,6 +109,7 @@ def run(request: RenderRequest) -> None:
     from openswim.optics.choosing import only
     from openswim.optics.displays.shapes import with_shapes
     from openswim.optics.species import for_wavelengths
+    from openswim.pictures.viewpoint import LOOKED_AT
 
     solver, wavelengths = solver_of(request), wavelengths_of(request.wavelengths)
     given = request.albedo_maps or request.height_maps or request.town_lights
@@ -135,6 +136,7 @@ def run(request: RenderRequest) -> None:
         scene = scene.alone()
     chosen: dict[str, Any] = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     chosen |= {"layers": True} if request.layers else {}
+    chosen |= {"sparse": LOOKED_AT} if only_looked_at(request.outputs, int(request.bits)) else {}
     start = time.perf_counter()
     image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)

@@ -47,6 +47,11 @@ def check_writable(
         check_ours(other, BESIDE[other.suffix], f"move it away, or give {path.name} another name")
 
 
+def only_looked_at(outputs: Iterable[str | os.PathLike[str]], bits: int) -> bool:
+    """Whether files are all pictures of 8 bits a colour, whose light nobody measures."""
+    return bits == 8 and all(Path(output).suffix.lower() in PICTURES for output in outputs)
+
+
 def save(
     image: xr.Dataset,
     path: str | Path,
@@ -142,9 +147,7 @@ def _texts(entries: dict[str, str]) -> dict[str, str]:
 def _write_netcdf(image: xr.Dataset, path: Path) -> None:
     storable = _storable(image)
     numeric = [name for name, field in storable.variables.items() if field.ndim and field.dtype.kind in "fiu"]
-    storable.to_netcdf(
-        path, encoding={name: {"zlib": True, "complevel": 4, "shuffle": True} for name in numeric}
-    )
+    storable.to_netcdf(path, encoding={name: {"zlib": True, "complevel": 4, "shuffle": True} for name in numeric})
 
 
 def _write_zarr(image: xr.Dataset, path: Path) -> None:
@@ -157,9 +160,7 @@ def _storable(image: xr.Dataset) -> xr.Dataset:
     def plain(value: Any) -> Any:
         if isinstance(value, (bool, np.bool_)):
             return int(value)
-        return (
-            value if isinstance(value, (str, int, float, list, tuple, np.ndarray, np.number)) else str(value)
-        )
+        return value if isinstance(value, (str, int, float, list, tuple, np.ndarray, np.number)) else str(value)
 
     stored = image.copy(deep=False)
     stored.attrs = {"Conventions": "CF-1.11", **image.attrs}

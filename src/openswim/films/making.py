@@ -30,7 +30,7 @@ from openswim.films.whereabouts import told_of_places, told_of_times
 from openswim.lighting import WAVELENGTHS_NM, checked_wavelengths, light, solver_of
 from openswim.lights import sun_position
 from openswim.pictures.observer import check_observer, ground_below
-from openswim.pictures.viewpoint import LitScene, Viewpoint
+from openswim.pictures.viewpoint import LOOKED_AT, LitScene, Viewpoint
 from openswim.progress import tell, track
 from openswim.scene import Scene
 from openswim.scene.files import written_whole
@@ -287,7 +287,7 @@ def _frame(
     camera = _above_ground(lights[0][1], shot.camera)
     eyes = [(share, lit.viewpoint(camera)) for share, lit in lights if share > 0]
     # radiance that is kept is exact; what is but looked at is seen by fewer rays
-    images = [(share, eye.view(irradiance=irradiance, sparse=0.0 if radiance else 0.02)) for share, eye in eyes]
+    images = [(share, eye.view(irradiance=irradiance, sparse=0.0 if radiance else LOOKED_AT)) for share, eye in eyes]
     image = images[0][1]
     for share, other in images[1:]:
         for name in ("solar_relative_radiance", "radiance"):

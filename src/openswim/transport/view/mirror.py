@@ -69,7 +69,7 @@ class Mirrored:
         beside = max(_BESIDE_RAD, wet.beyond_rad)
         if np.ptp(turned) + 2 * beside > 2 * np.pi:
             turned, beside = np.array([0.0, 2 * np.pi]), 0.0
-        grid_az, grid_alt = _axis(turned, _COLUMNS), _axis(altitude, _ROWS)
+        grid_az, grid_alt = _axis(turned, _COLUMNS, wet.width_rad), _axis(altitude, _ROWS, wet.width_rad)
         level = float(np.median(np.linalg.norm(wet.place + np.array([0.0, 0.0, radius_m]), axis=-1))) + _LIFT_M
         az, alt = (v.ravel() for v in np.meshgrid(grid_az, grid_alt))
         az += start
@@ -151,13 +151,14 @@ class Water:
 
 
 class WetRays(NamedTuple):
-    """Rays (n,) that end on water: where, along which direction (n, 3) each, the mean slope variance there; and how far
-    beyond the last of them there may be water yet."""
+    """Rays (n,) that end on water: where, along which direction (n, 3) each, the mean slope variance there; how far
+    beyond the last of them there may be water yet; and how wide the narrowest is, 0 where that is not known."""
 
     place: F64
     direction: F64
     slope_variance: float
     beyond_rad: float = 0.0
+    width_rad: float = 0.0
 
 
 def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRays | None:
@@ -189,7 +190,8 @@ def wet_rays(lit: LitGrid, relief: Relief | None, eye: F64, rays: Rays) -> WetRa
     if not water.any():
         return None
     beyond = 4 * each * float(np.max(rays.width_rad))  # it may end between rays that are asked
-    return WetRays(place[water], direction[water], float(variance[water].mean()), beyond)
+    width = float(np.broadcast_to(np.asarray(some.width_rad, float), len(some))[met][water].min())
+    return WetRays(place[water], direction[water], float(variance[water].mean()), beyond, width)
 
 
 def along_m(width_m: F64, up: F64, direction: F64) -> F64:
@@ -273,11 +275,14 @@ def _among(values: F64, known: NDArray[np.bool_], x: F64, y: F64) -> F32:
     return np.where(total[:, None] > 0, out / np.maximum(total, 1e-12)[:, None], np.nan).astype(FLOAT)
 
 
-def _axis(angle: F64, most: int) -> F64:
-    """Even nodes that span the angles."""
+def _axis(angle: F64, most: int, width_rad: float) -> F64:
+    """Even nodes that span the angles, of rays of a width."""
     low, high = float(angle.min()), float(angle.max())
-    # a lake seen at a glance spans little altitude and much distance
-    return np.linspace(low, high + 1e-9, int(np.clip(np.ceil((high - low) / _LEAST_STEP_RAD) + 1, most // 3, most)))
+    # a lake seen at a glance spans little altitude and much distance, but no more of it than there are pixels
+    least = most // 3
+    if width_rad > 0:
+        least = min(least, int(np.ceil((high - low) / width_rad)) + 2)
+    return np.linspace(low, high + 1e-9, int(np.clip(np.ceil((high - low) / _LEAST_STEP_RAD) + 1, least, most)))
 
 
 def _widest_gap(azimuth: F64) -> float:
