@@ -185,8 +185,10 @@ def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset,
     from openswim.stations.files import read_station
 
     assert request.station is not None
-    station, failed = checked(_within(request, read_station(request.station, request.lat, request.lon,
-                                                            request.ground_m)))  # fmt: skip
+    station = read_station(request.station, request.lat, request.lon, request.ground_m)
+    if "note" in station.attrs:
+        click.echo(f"note: {request.station}: {station.attrs['note']}", err=True)
+    station, failed = checked(_within(request, station))
     _tell_checks(failed, station.sizes["time"])
     if request.clear:
         return _clear_beside(request, station)
