@@ -122,6 +122,8 @@ def _aeronet(request: IrradianceRequest) -> Sunphotometer | None:
     from openswim.stations.aeronet import read_aeronet
 
     found = read_aeronet(list(request.aeronet), request.start, None if request.start is None else request.end)
+    for note in found.notes:
+        click.echo(f"note: {note}", err=True)
     lacking = "" if found.albedo else "; its single-scattering albedo is not in them: .95"
     click.echo(f"aerosol by AERONET: optical depth {found.depth_at(550.0):.3f} at 550 nm{lacking}", err=True)
     return found

@@ -21,7 +21,7 @@ from openswim.errors import UserError
 from openswim.stations.arm import read_arm
 from openswim.stations.checks import sun_of
 from openswim.stations.columns import check_names, columns_of
-from openswim.stations.text import PLACES, head_of, names_in, rows_of, text_of, utc_of, whole_rows
+from openswim.stations.text import PLACES, head_of, names_in, rows_of, text_of, told_of_end, told_of_lost, utc_of
 from openswim.system.inputs import check_ordinary, lines_of
 
 if TYPE_CHECKING:
@@ -236,8 +236,9 @@ def _unpacked(path: Path) -> Iterator[str]:
 def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     """Times are local standard time, whose name is that of their column."""
     separator, header, rows = _names_and_rows(path)
-    rows, lost = whole_rows(rows, lambda count: count == len(header))
-    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    whole = [row for row in rows if len(row) == len(header)]
+    told = told_of_lost(len(rows) - len(whole), len(rows)) or told_of_end(path)
+    columns = dict(zip(header, zip(*whole, strict=True), strict=True))
     plain = {name.upper(): texts for name, texts in columns.items()}
     zone = next((name for name in plain if name in _HOURS), None)
     if zone is None:
@@ -257,7 +258,7 @@ def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     if min(minutes) < 0 or max(minutes) > 1440 or max(minute for _, minute in hours) > 59:
         raise UserError(f"hours and minutes in its column {zone} that no day has: mend the file")
     time = day.astype("datetime64[m]") + np.array(minutes, "timedelta64[m]") - np.timedelta64(_HOURS[zone], "h")
-    return _of_columns(columns, time, separator).assign_attrs({"note": lost} if lost else {}), _beside(path)
+    return _of_columns(columns, time, separator).assign_attrs({"note": told} if told else {}), _beside(path)
 
 
 def _whole(column: str, text: str, cell: str = "") -> int:

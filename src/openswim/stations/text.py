@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -57,15 +58,21 @@ def names_in(head: str) -> tuple[list[str], str]:
         return [], separator
 
 
-def whole_rows(rows: Sequence[list[str]], fits: Callable[[int], bool]) -> tuple[list[list[str]], str]:
-    """Those of a length that fits, and what is to be told of the others: few are left out, as of a file that was cut;
-    many say that columns are not what they are taken for."""
-    whole = [row for row in rows if fits(len(row))]
-    lost = len(rows) - len(whole)
-    told = f"{lost} of {len(rows)} rows have not as many columns as there are names"
-    if lost and (lost > max(_FEW * len(rows), 1) or not whole):
+def told_of_lost(lost: int, count: int) -> str:
+    """What is to be told of rows of another length than the names': few are left out, as of a file that was cut; many
+    say that columns are not what they are taken for, and raise UserError."""
+    told = f"{lost} of {count} rows have not as many columns as there are names"
+    if lost and (lost > max(_FEW * count, 1) or lost == count):
         raise UserError(f"{told}: mend the file")
-    return whole, f"{told}: left out" if lost else ""
+    return f"{told}: left out" if lost else ""
+
+
+def told_of_end(path: Path) -> str:
+    """What is to be told of a last line that does not end: a number in it may have lost digits."""
+    with path.open("rb") as file:
+        packed = file.read(2) == b"\x1f\x8b"
+        file.seek(-1, os.SEEK_END)
+        return "" if packed or file.read() in b"\r\n" else "its last line has no end: the file may have been cut there"
 
 
 def utc_of(text: str) -> np.datetime64:
