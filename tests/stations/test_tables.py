@@ -63,5 +63,7 @@ def test_rows_that_were_cut_are_counted_or_refused(tmp_path: Path) -> None:
     assert found.attrs["note"] == "1 of 25 rows have not as many columns as there are names: left out"
     assert found.ghi.values.tolist() == [50.0 * hour for hour in range(24)]
     assert "note" not in _read(tmp_path / "x.txt", MIDC).attrs
+    assert "has no end" in _read(tmp_path / "x.txt", MIDC[:-3]).attrs["note"]  # 11 of 1150
+    assert "has no end" in _read(tmp_path / "x.csv", "utc,ghi\n2020-06-01T12:00,70").attrs["note"]
     with pytest.raises(UserError, match=r"x\.txt: 2 of 26 rows have not as many columns as .*: mend the file"):
         _read(tmp_path / "x.txt", MIDC + "2020,154,0\n2020,154\n")

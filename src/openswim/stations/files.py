@@ -44,7 +44,7 @@ _OPTIONS = {"latitude": "--lat", "longitude": "--lon", "height_m": "--ground"}
 _LARGEST_JSON = 100_000  # characters
 _YEARS = 1900, 2200
 _BAD_FLAG = 1  # of SURFRAD and SOLRAD: known to be bad; 2 is a doubt
-_COLUMNS_OF_SURFRAD = 48
+_COLUMNS_OF_SURFRAD, _COLUMNS_OF_SOLRAD = 48, (22, 31)  # of SOLRAD the latter with infrared light
 _HIGH_SUN_DEG, _DIMMEST_W_M2 = 30.0, 5.0  # the darkest clouds leave more; an hour has up to 4.3 MJ/m2
 _FEW = 200  # of the brightest minutes, which tell as much as all
 _SAME_ZENITH_DEG = 2.0
@@ -57,7 +57,7 @@ def read_station(
 
     Returns a Dataset on ``time`` (UTC) of those of ``ghi``, ``dni``, ``dhi``, ``up`` (W m-2), ``temperature`` (K),
     ``relative_humidity`` (1), ``pressure`` (Pa) that it has, NaN where missing, with the attributes ``latitude``,
-    ``longitude``, ``height_m`` and ``network``, and ``note`` where rows were left out. lat, lon, height_m: of the
+    ``longitude``, ``height_m`` and ``network``, and ``note`` where a file may have been cut. lat, lon, height_m: of the
     station, where the file does not say (MIDC).
     """
     path = Path(path)
@@ -94,6 +94,8 @@ def read_station(
         raise UserError(f"{path}: rows without a time: mend the file")
     data = _without_doubles(path, data[keep].sortby("time"))
     data = data.assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
+    if kind != "ARM" and "note" not in data.attrs and (told := told_of_end(path)):
+        data.attrs["note"] = told
     _check_bright(path, data)
     return data
 
@@ -190,19 +192,27 @@ def _surfrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     from pvlib.iotools.surfrad import VARIABLE_MAP, read_surfrad
 
     with _unpacked(path) as plain:
-        for count, line in enumerate(Path(plain).read_text("ascii").splitlines()[2:], 3):
-            if len(line.split()) not in (0, _COLUMNS_OF_SURFRAD):
-                raise UserError(f"line {count} has {len(line.split())} columns, and not {_COLUMNS_OF_SURFRAD}: "
-                                "copy or download the file again")  # fmt: skip
+        _check_columns(plain, _COLUMNS_OF_SURFRAD)
         frame, about = read_surfrad(plain, map_variables=False)
     frame = frame.rename(columns=VARIABLE_MAP)  # its own renaming warns with pandas 3.1
     return _of_frame(frame), _by_zenith(frame, _place(about["latitude"], about["longitude"], about["elevation"]))
+
+
+def _check_columns(plain: str, *counts: int) -> None:
+    """Raise UserError unless all lines have as many columns as they can have: pvlib takes what stands at their places,
+    so that direct light would be global light where a column is lost."""
+    for count, line in enumerate(Path(plain).read_text("ascii").splitlines()[2:], 3):
+        columns = len(line.split())
+        if columns and columns not in counts:
+            raise UserError(f"line {count} has {columns} columns, and not {' or '.join(map(str, counts))}: "
+                            "copy or download the file again")  # fmt: skip
 
 
 def _solrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     from pvlib.iotools import read_solrad
 
     with _unpacked(path) as plain:
+        _check_columns(plain, *_COLUMNS_OF_SOLRAD)
         found = read_solrad(plain)
     frame = found[0] if isinstance(found, tuple) else found
     lat, lon, height = text_of(path, "latin-1").splitlines()[1].split()[:3]
@@ -237,7 +247,7 @@ def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     """Times are local standard time, whose name is that of their column."""
     separator, header, rows = _names_and_rows(path)
     whole = [row for row in rows if len(row) == len(header)]
-    told = told_of_lost(len(rows) - len(whole), len(rows)) or told_of_end(path)
+    told = told_of_lost(len(rows) - len(whole), len(rows))
     columns = dict(zip(header, zip(*whole, strict=True), strict=True))
     plain = {name.upper(): texts for name, texts in columns.items()}
     zone = next((name for name in plain if name in _HOURS), None)
