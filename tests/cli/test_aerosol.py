@@ -106,3 +106,12 @@ def test_the_snippets_of_the_documentation_run(tmp_path: Path, monkeypatch: pyte
     page = (Path(__file__).resolve().parents[2] / "docs" / "optics.md").read_text()
     for snippet in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
         exec(snippet, {})
+
+
+def test_files_without_an_inversion_are_named_and_cut_ones_told(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "a.lev15"
+    path.write_text("Date(dd:mm:yyyy),Time(hh:mm:ss),AOD_440nm\n27:05:2013,11:00:00,0.2\n27:05:2013")
+    assert run(["aerosol", "fit", "--aeronet", str(path)]) == 2
+    note, error = capsys.readouterr().err.splitlines()
+    assert note.startswith(f"note: {path}: 1 of 2 rows")
+    assert f"{path}: no size distribution and refractive index" in error

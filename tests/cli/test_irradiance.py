@@ -196,3 +196,15 @@ def test_beside_an_overcast_day_the_clear_sky_is_written_and_checks_are_in_words
     assert "nothing to compare with a clear sky" in said.err
     assert run([*command, "--fit", "beam", "-o", str(tmp_path / "fit.csv")]) == 2
     assert not (tmp_path / "fit.csv").exists()
+
+
+def test_rows_that_were_left_out_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(openswim, "irradiance", clear_day)
+    rows = [f"2016,175,{100 * hour},{50 * hour}" for hour in range(6, 18)]
+    table = tmp_path / "midc.txt"
+    table.write_text("\n".join(["Year,DOY,UTC,Global PSP [W/m^2]", *rows, "2016,175,18"]) + "\n")
+    assert run([*BESIDE, "--station", str(table), "-o", str(tmp_path / "out.csv")]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert f"note: {table}: 1 of 13 rows have not as many columns as there are names: left out" in said

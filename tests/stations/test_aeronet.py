@@ -140,3 +140,63 @@ def test_rows_of_several_sites_are_no_aerosol(direct: Path, tmp_path: Path) -> N
     for several in (files[:2], files[2]):
         with pytest.raises(UserError, match="rows of several sites, -33 and 47 degrees"):
             read_aeronet(several)
+
+
+def test_a_row_that_was_cut_is_told_and_rows_that_are_there_twice_count_once(direct: Path) -> None:
+    text = direct.read_text()
+    last = text.splitlines()[-1]
+    for more, depth, told in (
+        (f"{last}\n{last}\n", 0.3, None), (last[:50], 0.3, "1 of 3 rows have not as many"), (last, 0.3, "no end"),
+        (last.rpartition(",")[0] + "\n", 0.3, "1 of 3 rows have not as many"),
+    ):  # fmt: skip
+        direct.write_text(text + more)
+        found = read_aeronet(direct)
+        assert found.depth_at(550) == pytest.approx(depth, rel=1e-3)
+        assert len(found.notes) == (told is not None)
+        assert told is None or (told in found.notes[0] and str(direct) in found.notes[0])
+
+
+def test_pages_of_the_web_service_are_read(direct: Path) -> None:
+    """Each line has its end in HTML; the height would be lost, which is last."""
+    head, *rest = direct.read_text().splitlines()
+    direct.write_text("<br>\n".join([f"<html>{head}", *rest, "</body></html>"]) + "\n")
+    found = read_aeronet(direct)
+    assert found.single["height_m"] == 264
+    assert not found.notes
+
+
+def test_ozone_of_2017_is_in_atmospheres_times_centimetres(direct: Path) -> None:
+    direct.write_text(direct.read_text().replace(",330,", ",0.330,"))
+    assert read_aeronet(direct).single["ozone_du"] == pytest.approx(330)
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ("AOD_440nm", "AOD_380nm", "'AOD_380nm' is there twice"), ("(cm)", "(mm)", "which has Precipitable_Water.cm."),
+    (",1.8,", ",18,", "Precipitable_Water.cm. = 18, where"), (",1.8,", ",1.8x,", "'1.8x' in the column 'Precipitable"),
+    ("Date(dd:mm:yyyy)", "A,B,Date(dd:mm:yyyy)", "2 of 2 rows have not as many"), (",AOD_675nm,", ",", "2 of 2 rows"),
+    ("AOD_", "AOT_", "no optical depth .* of version 2"), ("27:05", "99:05", "'99:05:2013' '11:19:04' is no date"),
+])  # fmt: skip
+def test_columns_that_cannot_be_right_are_refused(direct: Path, old: str, new: str, message: str) -> None:
+    direct.write_text(direct.read_text().replace(old, new))
+    with pytest.raises(UserError, match=rf"made\.lev15: .*{message}"):
+        read_aeronet(direct)
+
+
+def test_sites_are_told_apart_by_their_names(direct: Path) -> None:
+    *head, names, first, second = direct.read_text().splitlines()
+    direct.write_text("\n".join([*head, f"AERONET_Site,{names}", f"One,{first}", f"Other,{second}"]) + "\n")
+    with pytest.raises(UserError, match="rows of several sites, 'One' and 'Other'"):
+        read_aeronet(direct)
+
+
+def test_inversions_that_cannot_be_right_are_refused(tmp_path: Path) -> None:
+    path = _inversion(tmp_path, 100.0)
+    text = path.read_text()
+    *_, smallest = text.partition(",100.0,")
+    for old, new, message in (
+        (",0.95,", ",95,", "Single_Scattering_Albedo.440nm. = 95"), (",100.0,", ",140,", "Sphericity_Factor.%. = 140"),
+        (smallest.split(",")[0], "-999", "no value for a radius of 0.050000 um"),
+    ):  # fmt: skip
+        path.write_text(text.replace(old, new))
+        with pytest.raises(UserError, match=message):
+            read_aeronet(path)

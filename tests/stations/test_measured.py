@@ -283,3 +283,24 @@ def test_files_that_count_longitude_west_are_placed_by_their_sun(tmp_path):
         read_station(_surfrad(tmp_path / "x.dat", lambda row: row[:12] + row[13:]))
     bad = read_station(_surfrad(tmp_path / "x.dat", lambda row: [*row[:13], "1", *row[14:]]))  # of direct light
     assert "dni" not in bad or not np.isfinite(bad.dni).any()
+
+
+def test_a_line_of_solrad_that_was_cut_gives_no_smaller_number(tmp_path):
+    """It was 51 W/m2 where 517 had been cut, and direct light for global where a column was lost."""
+    pytest.importorskip("pvlib")
+    widths = [4, 3, 2, 2, 2, 2, 6, 6, *[7, 1] * 5, *[9] * 4]
+    place = {"latitude": 40.12, "longitude": -105.24, "height_m": 1689}
+    times = {"time": np.array(["2016-01-01T18:00"], "M8[ns]")}
+    zenith = 90 - sun_of(xr.Dataset(coords=times, attrs=place)).altitude_deg[0]
+    cells = ["2016", "1", "1", "1", "18", "0", "18.0", f"{zenith:.2f}", *["517.3", "0"] * 5, *["1.0"] * 4]
+    row = " ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True))
+
+    def read(row):
+        (tmp_path / "x.dat").write_text(f" Boulder\n  40.12  105.24 1689 -7\n{row}\n")
+        return read_station(tmp_path / "x.dat")
+
+    assert float(read(row).ghi[0]) == 517.3
+    assert read(row).attrs["longitude"] == -105.24
+    for cut in (row[:39], row[:35] + row[45:]):
+        with pytest.raises(UserError, match=r"x\.dat: line 3 has \d+ columns, and not 22 or 31"):
+            read(cut)

@@ -96,6 +96,8 @@ def _sunphotometer(request: FitRequest, wavelengths: list[float]) -> _Particles:
     if request.modes or request.indices or request.irregular or request.type_name:
         raise UserError("give --aeronet alone, or --type, or --mode and --index")
     found = read_aeronet(list(request.aeronet), request.time)
+    for note in found.notes:
+        click.echo(f"note: {note}", err=True)
     if found.spherical < 1 and not found.phase:
         share = f"{100 * (1 - found.spherical):.0f} %"
         click.echo(f"note: {share} are no spheres: taken as irregular particles, as no table of spheroids is at hand "
@@ -207,9 +209,7 @@ def _described(wavelengths: list[float], fits: "list[DoubleHGFit]", particles: _
         "aerosol": {
             "angstrom_exponent": particles.angstrom_exponent or 0.0,
             "single_scattering_albedo": dict(zip(map(str, wavelengths), particles.albedo, strict=True)),
-            "phase": {
-                "spectral": {str(wl): one.phase.to_dict() for wl, one in zip(wavelengths, fits, strict=True)}
-            },
+            "phase": {"spectral": {str(wl): one.phase.to_dict() for wl, one in zip(wavelengths, fits, strict=True)}},
         },
     }
 

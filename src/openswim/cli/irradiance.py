@@ -122,6 +122,8 @@ def _aeronet(request: IrradianceRequest) -> Sunphotometer | None:
     from openswim.stations.aeronet import read_aeronet
 
     found = read_aeronet(list(request.aeronet), request.start, None if request.start is None else request.end)
+    for note in found.notes:
+        click.echo(f"note: {note}", err=True)
     lacking = "" if found.albedo else "; its single-scattering albedo is not in them: .95"
     click.echo(f"aerosol by AERONET: optical depth {found.depth_at(550.0):.3f} at 550 nm{lacking}", err=True)
     return found
@@ -185,8 +187,10 @@ def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset,
     from openswim.stations.files import read_station
 
     assert request.station is not None
-    station, failed = checked(_within(request, read_station(request.station, request.lat, request.lon,
-                                                            request.ground_m)))  # fmt: skip
+    station = read_station(request.station, request.lat, request.lon, request.ground_m)
+    if "note" in station.attrs:
+        click.echo(f"note: {request.station}: {station.attrs['note']}", err=True)
+    station, failed = checked(_within(request, station))
     _tell_checks(failed, station.sizes["time"])
     if request.clear:
         return _clear_beside(request, station)

@@ -26,7 +26,11 @@ _LIGHT = frozenset({"ghi", "dni", "dhi", "up"})
 _NO_VALUES = frozenset({  # words of columns about a quantity
     "accumulated", "avail", "clear", "clearsky", "count", "dev", "err", "error", "etr", "flag", "flags", "max",
     "maximum", "min", "minimum", "model", "n", "qc", "quality", "sd", "sigma", "std", "stdev", "toa", "uncertainty",
+    # units other than W/m2 that stand in the name, not in brackets
+    "j", "jcm2", "jm2", "kj", "kjm2", "kw", "kwh", "kwhm2", "kwm2", "mj", "mjm2", "mv", "mw", "mwcm2", "volt", "wh",
+    "whm2",
 })  # fmt: skip
+_THOUSANDS = re.compile(r"\s*-?[1-9]\d{0,2},\d{3}\s*")
 _LACKING = -900.0  # below it values stand for none, in any unit
 _FACTORS = {  # to SI, or of temperature the zero's offset as well; "" where no unit is written
     "light": {"": (1.0, 0.0), "w/m2": (1.0, 0.0), "wm-2": (1.0, 0.0), "kw/m2": (1e3, 0.0), "kwm-2": (1e3, 0.0)},
@@ -38,8 +42,9 @@ _FACTORS = {  # to SI, or of temperature the zero's offset as well; "" where no 
 
 
 def check_names(names: Sequence[str]) -> None:
-    """Raise UserError where two columns that count have one name: either could be meant."""
-    twice = [name for number, name in enumerate(names) if name in names[:number] and _counts(name)]
+    """Raise UserError where two columns that count have one name, in capitals or not: either could be meant."""
+    plain = [_name_and_unit(name) for name in names]
+    twice = [name for number, name in enumerate(names) if plain[number] in plain[:number] and _counts(name)]
     if twice:
         raise UserError(f"the column {shown(twice[0])} is there twice: remove one, or name them apart")
 
@@ -49,7 +54,13 @@ def _counts(column: str) -> bool:
     return name == "utc" or any(re.match(pattern, name) for pattern in _NAMES.values())
 
 
-def columns_of(columns: Mapping[str, Sequence[str]], quantity: str) -> F64 | None:
+def of_light(unit: str) -> float | None:
+    """What a unit of irradiance is in W m-2; None: it is none."""
+    found = _FACTORS["light"].get(_plain_unit(unit.lower()))
+    return None if found is None else found[0]
+
+
+def columns_of(columns: Mapping[str, Sequence[str]], quantity: str, decimal_commas: bool = False) -> F64 | None:
     """Values (columns, rows) in SI of all instruments of a quantity, or of the column that has its plain name; None:
     it has none. Columns about a quantity, or of a unit that is none of it, are no values of it."""
     units = _FACTORS["light" if quantity in _LIGHT else quantity]
@@ -70,7 +81,13 @@ def columns_of(columns: Mapping[str, Sequence[str]], quantity: str) -> F64 | Non
         found = {first: found[first]}
     if not found:
         return None
-    return np.array([_values(column, columns[column]) * factor + zero for column, (factor, zero) in found.items()])
+    values = {column: _values(column, columns[column], decimal_commas) for column in found}
+    if quantity == "relative_humidity":
+        for column, given in values.items():
+            if not _name_and_unit(column)[1] and 0 < np.nanmax(given, initial=0.0) <= 1:  # of which no air is so dry
+                raise UserError(f"no more than {np.nanmax(given):g} % in the column {shown(column)}: is it a share? "
+                                f"Write {column} [1] for its name")  # fmt: skip
+    return np.array([values[column] * factor + zero for column, (factor, zero) in found.items()])
 
 
 def _name_and_unit(column: str) -> tuple[str, str]:
@@ -80,16 +97,32 @@ def _name_and_unit(column: str) -> tuple[str, str]:
     found = re.fullmatch(r"(.*?)\s*(?:\[([^]]*)\]|\(([^)]*(?:/|-2)[^)]*)\))", text)
     if found is None:
         return text, ""
-    unit = re.sub(r"[\s^*²]|deg|°", lambda part: "2" if part[0] == "²" else "", found[2] or found[3] or "")
-    return found[1], unit
+    return found[1], _plain_unit(found[2] or found[3] or "")
 
 
-def _values(column: str, texts: Sequence[str]) -> F64:
+def _plain_unit(text: str) -> str:
+    return re.sub(r"[\s.^*²]|deg|°", lambda part: "2" if part[0] == "²" else "", text)
+
+
+def _values(column: str, texts: Sequence[str], decimal_commas: bool) -> F64:
     """Numbers; blank is none."""
+    if decimal_commas and any("," in text for text in texts):
+        texts = _with_points(column, texts)
     out = np.full(len(texts), np.nan)
     for row, text in enumerate(texts):
         try:
             out[row] = float(text) if text.strip() else np.nan
         except ValueError:
-            raise UserError(f"{shown(text)} in the column {shown(column)} is no number: leave it empty") from None
+            remedy = "write a decimal point" if "," in text else "leave it empty where there is no value"
+            raise UserError(f"{shown(text)} in the column {shown(column)} is no number: {remedy}") from None
     return np.where(out < _LACKING, np.nan, out)
+
+
+def _with_points(column: str, texts: Sequence[str]) -> list[str]:
+    """Decimal commas as points. Raises UserError where commas may divide thousands: all have three digits behind, and
+    smaller numbers have none."""
+    with_comma = [text for text in texts if "," in text]
+    if len(with_comma) < sum(bool(text.strip()) for text in texts) and all(map(_THOUSANDS.fullmatch, with_comma)):
+        raise UserError(f"{shown(with_comma[0])} in the column {shown(column)} may be {with_comma[0].replace(',', '')} "
+                        f"or {with_comma[0].replace(',', '.')}: write a decimal point")  # fmt: skip
+    return [text.replace(",", ".") for text in texts]

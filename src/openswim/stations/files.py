@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 
 from openswim.arguments import number, shown
 from openswim.errors import UserError
-from openswim.readers.common.opening import opened
-from openswim.scene.times import parse_time
+from openswim.stations.arm import read_arm
 from openswim.stations.checks import sun_of
 from openswim.stations.columns import check_names, columns_of
-from openswim.stations.text import PLACES, rows_of, text_of
+from openswim.stations.text import PLACES, head_of, names_in, rows_of, text_of, told_of_end, told_of_lost, utc_of
 from openswim.system.inputs import check_ordinary, lines_of
 
 if TYPE_CHECKING:
@@ -41,14 +40,12 @@ QUANTITIES = {  # unit and range of what instruments can give; what is beyond is
 }
 _PVLIB = {"ghi": "ghi", "dni": "dni", "dhi": "dhi", "uw_solar": "up", "temp_air": "temperature",
           "relative_humidity": "relative_humidity", "pressure": "pressure"}  # fmt: skip
-_ARM = {"down_short_hemisp": "ghi", "short_direct_normal": "dni", "down_short_diffuse_hemisp": "dhi",
-        "up_short_hemisp": "up"}  # fmt: skip
+_OPTIONS = {"latitude": "--lat", "longitude": "--lon", "height_m": "--ground"}
 _LARGEST_JSON = 100_000  # characters
-_MISSING_ARM_BIT = 1
 _YEARS = 1900, 2200
 _BAD_FLAG = 1  # of SURFRAD and SOLRAD: known to be bad; 2 is a doubt
-_COLUMNS_OF_SURFRAD = 48
-_HIGH_SUN_DEG, _DIMMEST_W_M2 = 30.0, 3.0  # the darkest clouds leave more
+_COLUMNS_OF_SURFRAD, _COLUMNS_OF_SOLRAD = 48, (22, 31)  # of SOLRAD the latter with infrared light
+_HIGH_SUN_DEG, _DIMMEST_W_M2 = 30.0, 5.0  # the darkest clouds leave more; an hour has up to 4.3 MJ/m2
 _FEW = 200  # of the brightest minutes, which tell as much as all
 _SAME_ZENITH_DEG = 2.0
 
@@ -60,7 +57,8 @@ def read_station(
 
     Returns a Dataset on ``time`` (UTC) of those of ``ghi``, ``dni``, ``dhi``, ``up`` (W m-2), ``temperature`` (K),
     ``relative_humidity`` (1), ``pressure`` (Pa) that it has, NaN where missing, with the attributes ``latitude``,
-    ``longitude``, ``height_m`` and ``network``. lat, lon, height_m: of the station, where the file does not say (MIDC).
+    ``longitude``, ``height_m`` and ``network``, and ``note`` where a file may have been cut. lat, lon, height_m: of the
+    station, where the file does not say (MIDC).
     """
     path = Path(path)
     kind = kind_of(path)
@@ -74,12 +72,13 @@ def read_station(
         raise UserError(str(error) if str(path.parent) in str(error) else f"{path}: {error}") from None
     except (ValueError, LookupError, OSError, TypeError, AttributeError, ArithmeticError) as error:
         raise UserError(f"{path}: damaged {kind} file ({error})") from error
+    asked = {"latitude": lat, "longitude": lon, "height_m": height_m}
+    given = {name: value for name, value in asked.items() if value is not None}
     for name, value in place.items():
         low, high = PLACES[name]
-        if not low <= value <= high:
-            raise UserError(f"{path}: {name} = {value:g} is none: mend the file")
-    given = {"latitude": lat, "longitude": lon, "height_m": height_m}
-    place = place | {name: value for name, value in given.items() if value is not None}
+        if name not in given and not low <= value <= high:
+            raise UserError(f"{path}: {name} = {value:g} is none: mend the file, or give {_OPTIONS[name]}")
+    place = place | given
     for name, (unit, _, _) in QUANTITIES.items():
         if name in data:
             data[name] = ("time", _measured(name, np.asarray(data[name].values, float)), {"units": unit})
@@ -88,12 +87,15 @@ def read_station(
         raise UserError(f"{path}: neither global irradiance in it, nor direct and diffuse, in W/m2 or kW/m2")
     lacking = sorted({"latitude", "longitude"} - place.keys())
     if lacking:
-        raise UserError(f"{path}: a {kind} file does not say its {' and '.join(lacking)}: give --lat and --lon, "
-                        f"or {path.with_suffix('.json').name} beside it with lat, lon and elev_m")  # fmt: skip
+        beside = f", or {path.with_suffix('.json').name} beside it with lat, lon and elev_m"
+        raise UserError(f"{path}: this {kind} file does not say its {' and '.join(lacking)}: give --lat and --lon"
+                        f"{beside if kind in ('MIDC', 'table') else ''}")  # fmt: skip
     if np.isnat(data["time"].values).any():
         raise UserError(f"{path}: rows without a time: mend the file")
     data = _without_doubles(path, data[keep].sortby("time"))
     data = data.assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
+    if kind != "ARM" and "note" not in data.attrs and (told := told_of_end(path)):
+        data.attrs["note"] = told
     _check_bright(path, data)
     return data
 
@@ -107,7 +109,7 @@ def _check_bright(path: Path, data: xr.Dataset) -> None:
     most = brightest[light.name].values[sun_of(brightest).altitude_deg > _HIGH_SUN_DEG]
     if np.isfinite(most).any() and np.nanmax(most) > 0:
         raise UserError(f"{path}: no more than {np.nanmax(most):.3g} W/m2 under a sun above {_HIGH_SUN_DEG:g} degrees: "
-                        "are they kW/m2? Give W/m2, or the unit behind the names, as in ghi [kW/m2]")  # fmt: skip
+                        "are they kW/m2 or sums? Give W/m2, or the unit behind the names: ghi [kW/m2]")  # fmt: skip
 
 
 def _without_doubles(path: Path, data: xr.Dataset) -> xr.Dataset:
@@ -142,12 +144,13 @@ def kind_of(path: Path) -> str | None:
         return "ARM"
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise UserError(f"{path}: is text in UTF-16: save it in UTF-8")
-    lines = head.removeprefix(codecs.BOM_UTF8).decode("latin-1").splitlines()
+    text = head.removeprefix(codecs.BOM_UTF8).decode("latin-1")
+    lines = text.splitlines()
     if re.match(r"\*[CU]0001", lines[0] if lines else ""):
         return "BSRN"
     if len(lines) > 2 and re.match(r"\s*-?\d+\.\d+\s+-?\d+\.\d+\s+\d+\s*m?\b", lines[1]):
         return "SURFRAD" if len(lines[2].split()) > 40 else "SOLRAD"
-    first = lines[0].lower().split(",") if lines else []
+    first = [name.lower() for name in names_in(text)[0]]
     if any("mm/dd/yyyy" in name for name in first) or {"year", "doy"} <= set(first):
         return "MIDC"
     return "table" if "utc" in first and any(name.startswith("ghi") for name in first) else None
@@ -189,19 +192,27 @@ def _surfrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     from pvlib.iotools.surfrad import VARIABLE_MAP, read_surfrad
 
     with _unpacked(path) as plain:
-        for count, line in enumerate(Path(plain).read_text("ascii").splitlines()[2:], 3):
-            if len(line.split()) not in (0, _COLUMNS_OF_SURFRAD):
-                raise UserError(f"line {count} has {len(line.split())} columns, and not {_COLUMNS_OF_SURFRAD}: "
-                                "copy or download the file again")  # fmt: skip
+        _check_columns(plain, _COLUMNS_OF_SURFRAD)
         frame, about = read_surfrad(plain, map_variables=False)
     frame = frame.rename(columns=VARIABLE_MAP)  # its own renaming warns with pandas 3.1
     return _of_frame(frame), _by_zenith(frame, _place(about["latitude"], about["longitude"], about["elevation"]))
+
+
+def _check_columns(plain: str, *counts: int) -> None:
+    """Raise UserError unless all lines have as many columns as they can have: pvlib takes what stands at their places,
+    so that direct light would be global light where a column is lost."""
+    for count, line in enumerate(Path(plain).read_text("ascii").splitlines()[2:], 3):
+        columns = len(line.split())
+        if columns and columns not in counts:
+            raise UserError(f"line {count} has {columns} columns, and not {' or '.join(map(str, counts))}: "
+                            "copy or download the file again")  # fmt: skip
 
 
 def _solrad(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     from pvlib.iotools import read_solrad
 
     with _unpacked(path) as plain:
+        _check_columns(plain, *_COLUMNS_OF_SOLRAD)
         found = read_solrad(plain)
     frame = found[0] if isinstance(found, tuple) else found
     lat, lon, height = text_of(path, "latin-1").splitlines()[1].split()[:3]
@@ -234,83 +245,75 @@ def _unpacked(path: Path) -> Iterator[str]:
 
 def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     """Times are local standard time, whose name is that of their column."""
-    header, *rows = rows_of(path)
-    check_names(header)
-    rows = [row for row in rows if len(row) == len(header)]
-    if not rows:
-        raise UserError(f"no rows with the {len(header)} columns that the first line names: mend the file")
-    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
-    zone = next((name for name in header if name in _HOURS), None)
+    separator, header, rows = _names_and_rows(path)
+    whole = [row for row in rows if len(row) == len(header)]
+    told = told_of_lost(len(rows) - len(whole), len(rows))
+    columns = dict(zip(header, zip(*whole, strict=True), strict=True))
+    plain = {name.upper(): texts for name, texts in columns.items()}
+    zone = next((name for name in plain if name in _HOURS), None)
     if zone is None:
-        raise ValueError(f"no column of {', '.join(_HOURS)}")
-    clock = columns[zone]
-    if "Year" in columns:
-        day = np.array([f"{y}-01-01" for y in columns["Year"]], "datetime64[D]")
-        of_year = [int(d) for d in columns["DOY"]]
+        raise UserError(f"no column of times that its zone names ({', '.join(_HOURS)}): name it so")
+    if "YEAR" in plain:
+        day = np.array([f"{_whole('Year', y):04d}-01-01" for y in plain["YEAR"]], "datetime64[D]")
+        of_year = [_whole("DOY", text) for text in plain["DOY"]]
         if not 1 <= min(of_year) <= max(of_year) <= 366:
             raise UserError(f"days {min(of_year)} to {max(of_year)} of a year (DOY): mend the file")
         day = day + np.array(of_year, "timedelta64[D]") - np.timedelta64(1, "D")
-        hours = [divmod(int(t), 100) for t in clock]
+        hours = [divmod(_whole(zone, text), 100) for text in plain[zone]]
     else:
-        dates = [text.split("/") for text in columns[next(n for n in header if "MM/DD/YYYY" in n)]]
+        dates = [text.split("/") for text in plain[next(name for name in plain if "MM/DD/YYYY" in name)]]
         day = np.array([f"{y}-{int(m):02d}-{int(d):02d}" for m, d, y in dates], "datetime64[D]")
-        hours = [(int(text[:-3]), int(text[-2:])) for text in clock]
+        hours = [(_whole(zone, text[:-3], text), _whole(zone, text[-2:], text)) for text in plain[zone]]
     minutes = [60 * hour + minute for hour, minute in hours]
     if min(minutes) < 0 or max(minutes) > 1440 or max(minute for _, minute in hours) > 59:
         raise UserError(f"hours and minutes in its column {zone} that no day has: mend the file")
     time = day.astype("datetime64[m]") + np.array(minutes, "timedelta64[m]") - np.timedelta64(_HOURS[zone], "h")
-    return _of_columns(columns, time), _beside(path)
+    return _of_columns(columns, time, separator).assign_attrs({"note": told} if told else {}), _beside(path)
+
+
+def _whole(column: str, text: str, cell: str = "") -> int:
+    """A number in a cell, or in a part of it."""
+    try:
+        return int(text)
+    except ValueError:
+        what = "no time such as 12:00" if cell else "no whole number"
+        raise UserError(f"{shown(cell or text)} in its column {column} is {what}: mend the file") from None
 
 
 _HOURS = {"UTC": 0, "GMT": 0, "EST": -5, "CST": -6, "MST": -7, "PST": -8, "HST": -10}
 
 
-def _arm(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
-    """Quality flags: bit 1 is a missing value where flags are bits; plain codes (before 2010) name no bits."""
-    with opened(path) as file:
-        missing = [name for name in ("lat", "lon", "alt") if name not in file]
-        if missing or not any(name in file for name in _ARM):
-            raise UserError(f"{path}: netCDF without {', '.join(missing or _ARM)}: no file of an ARM radiometer")
-        out = xr.Dataset(coords={"time": file.time.values})
-        for theirs, ours in _ARM.items():
-            if theirs not in file:
-                continue
-            values = file[theirs].values.astype(float)
-            flags = file.get(f"qc_{theirs}")
-            if flags is not None and _by_bits(file, flags):
-                values = np.where(flags.values.astype(int) & _MISSING_ARM_BIT, np.nan, values)
-            out[ours] = ("time", values)
-        return out, _place(*(file[name].values for name in ("lat", "lon", "alt")))
-
-
-def _by_bits(file: xr.Dataset, flags: xr.DataArray) -> bool:
-    bits = ("flag_masks", "bit_1_description")
-    return any(name in flags.attrs for name in bits) or any(name in file.attrs for name in ("qc_bit_1_description",))
-
-
 def _table(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
-    header, *rows = rows_of(path)
-    if not rows:
-        raise UserError(f"{path}: has no rows below the names of its columns")
+    separator, header, rows = _names_and_rows(path)
     if odd := [row for row in rows if len(row) != len(header)]:
         raise UserError(
             f"{path}: {len(odd[0])} columns in the row of {shown(odd[0][0])}, and {len(header)} names: mend the file"
         )
-    check_names([name.strip() for name in header])
-    columns = dict(zip(map(str.strip, header), zip(*rows, strict=True), strict=True))
-    if blank := [row for row, text in enumerate(columns["utc"], 1) if not text.strip()]:
+    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    utc = columns[next(name for name in header if name.lower() == "utc")]
+    if blank := [row for row, text in enumerate(utc, 1) if not text.strip()]:
         raise UserError(f"{path}: row {blank[0]} has no time in utc: mend the file")
-    time = np.array([parse_time(text) for text in columns["utc"]], "datetime64[ms]")
-    return _of_columns(columns, time), _beside(path)
+    return _of_columns(columns, np.array([utc_of(text) for text in utc]), separator), _beside(path)
 
 
-def _of_columns(columns: Mapping[str, Any], time: NDArray[np.datetime64]) -> xr.Dataset:
+def _names_and_rows(path: Path) -> tuple[str, list[str], list[list[str]]]:
+    """What divides the columns of a table, their names, and all rows."""
+    separator = names_in(head_of(path))[1]
+    header, *rows = rows_of(path, separator=separator)
+    if not rows:
+        raise UserError(f"{path}: has no rows below the names of its columns")
+    header = [name.strip() for name in header]
+    check_names(header)
+    return separator, header, rows
+
+
+def _of_columns(columns: Mapping[str, Any], time: NDArray[np.datetime64], separator: str) -> xr.Dataset:
     """Columns by their names; the mean of those of one kind (two instruments)."""
     years = time.astype("datetime64[Y]").astype(int) + 1970
     _check_years(years.min(), years.max())
     out = xr.Dataset(coords={"time": time.astype("datetime64[ns]")})
     for name in QUANTITIES:
-        values = columns_of(columns, name)
+        values = columns_of(columns, name, decimal_commas=separator != ",")
         if values is not None:
             out[name] = ("time", _measured(name, values).mean(axis=0))
     return out
@@ -366,5 +369,5 @@ def _beside(path: Path) -> dict[str, float]:
 
 
 _READERS: dict[str, Callable[[Path], tuple[xr.Dataset, dict[str, float]]]] = {
-    "BSRN": _bsrn, "SURFRAD": _surfrad, "SOLRAD": _solrad, "MIDC": _midc, "ARM": _arm, "table": _table,
+    "BSRN": _bsrn, "SURFRAD": _surfrad, "SOLRAD": _solrad, "MIDC": _midc, "ARM": read_arm, "table": _table,
 }  # fmt: skip

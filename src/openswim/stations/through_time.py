@@ -93,9 +93,7 @@ def irradiance(
         if even(here):
             lights, count = of_clear_sky(here, places, tilted, chosen, wavelengths)
         else:
-            lights, count = of_scene(
-                here, stamps, weight > 0, places, tilted, chosen, wavelengths, step_minutes
-            )
+            lights, count = of_scene(here, stamps, weight > 0, places, tilted, chosen, wavelengths, step_minutes)
         solves += count
         notes += [note for note in here.notes if note not in notes]
         for sums, place, light in zip(total, places, lights, strict=True):
@@ -151,9 +149,7 @@ class _Sums:
                 found.diffuse_horizontal * seen[1:half] / max(seen[0], 1e-30)
                 + found.global_horizontal * seen[half:] / max(whole, 1e-30)
             )
-            self.wide[row] += weight[row] * np.concatenate(
-                [[found.direct_normal, found.diffuse_horizontal], on_planes]
-            )
+            self.wide[row] += weight[row] * np.concatenate([[found.direct_normal, found.diffuse_horizontal], on_planes])
 
 
 def _stamps(times: Any) -> NDArray[np.datetime64]:
