@@ -57,6 +57,11 @@ class FrameSettings:
     saturated_count: float | None = None
 
     def __post_init__(self) -> None:
+        if self.time_pattern is not None:
+            check_kind("time_pattern", self.time_pattern, str, 'write it as "%Y%m%d_%H%M%S"')
+        for name in ("utc_offset_h", "saturated_count"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, number(name, getattr(self, name)))
         if self.utc_offset_h is not None and not abs(self.utc_offset_h) <= 15:
             raise UserError(f"the clock's offset from UTC (utc_offset_h) is {self.utc_offset_h:g}, not -15 to 15 hours")
 
@@ -313,13 +318,7 @@ def _array(path: Path) -> np.ndarray:
 
 
 def _frame_settings(frame: dict[str, Any]) -> FrameSettings:
-    pattern = frame.get("time_pattern")
-    if pattern is not None:
-        check_kind("[frame] time_pattern", pattern, str, 'write it as "%Y%m%d_%H%M%S"')
-    numbers = {
-        key: number(f"[frame] {key}", frame[key]) for key in ("utc_offset_h", "saturated_count") if key in frame
-    }
-    return FrameSettings(pattern, numbers.get("utc_offset_h"), numbers.get("saturated_count"))
+    return FrameSettings(*(frame.get(key) for key in ("time_pattern", "utc_offset_h", "saturated_count")))
 
 
 def checked_encoding(value: Any) -> str | float | None:
