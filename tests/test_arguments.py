@@ -82,6 +82,7 @@ def arrays(**wrong: Any) -> Scene:
         (lambda: calibrate("a.jpg", 46, 8, settings={}), "settings is {}: give FrameSettings"),
         (lambda: calibrate("a.jpg", 46, 8, mask=3), "mask is 3: give a file's name"),
         (lambda: calibrate("a.jpg", 46, 8, by=FIELD), "by is ndarray"),
+        (lambda: calibrate("a.jpg", 46, 8, name="\udcff"), r"name '.udcff' is no text in UTF-8"),
         (lambda: CameraPath.read(None), "path is None: give a file's name"),
         (lambda: CameraPath("a", FIELD, FIELD), "time is 'a'"),
         (lambda: CameraPath(TIMES, np.zeros((2, 2)), FIELD), r"place has shape \(2, 2\): it must be \(2, 3\)"),

@@ -1,6 +1,7 @@
 """`calibrate`: frames, place and times in, a camera out, with what speaks for it and what it cannot tell."""
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,6 +81,7 @@ def calibrate(
     """
     lat, lon, height_m = number("latitude", lat), number("longitude", lon), number("height", height_m)
     settings = settings or FrameSettings()
+    require(not re.search("[\ud800-\udfff]", name), f"calibrate: name {shown(name)} is no text in UTF-8: write another")
     check_place(lat, lon, None, None)
     require(by is None or by in WAYS, f"calibrate: by {shown(by)} is unknown: choose one of {', '.join(WAYS)}")
     given = [Path(path) for path in paths("frames", frames)]
