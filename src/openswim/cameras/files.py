@@ -120,9 +120,9 @@ def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     write_camera(CameraFile(camera), path)
 
 
+@takes
 def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> None:
     """Write a camera's file; maps go into a file beside it."""
-    check_kind("camera file", path, (str, os.PathLike), "give a file's name")
     path = Path(path)
     camera = content.camera
     tables: dict[str, Any] = {"openswim_camera": VERSION}
@@ -323,7 +323,7 @@ def _frame_settings(frame: dict[str, Any]) -> FrameSettings:
 
 def checked_encoding(value: Any) -> str | float | None:
     """The encoding of counts: "srgb", "linear", an exponent, or None; raises UserError."""
-    if value is None or value in ("srgb", "linear"):
+    if value is None or (isinstance(value, str) and value in ("srgb", "linear")):
         return None if value is None else str(value)
     exponent = number("encoding", value) if not isinstance(value, str) else np.nan
     if not 0.2 <= exponent <= 5:

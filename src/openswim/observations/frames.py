@@ -62,6 +62,7 @@ def read_frame(
     `alone`: whether it is a frame whose time could be given, which is then said where nothing tells it.
     """
     check_kind("frame", path, (str, os.PathLike), "give a file's name")
+    check_kind("settings", settings, (FrameSettings, type(None)), "give FrameSettings, or None")
     path, settings = Path(path), settings or FrameSettings()
     check_name(path)  # it will be written into pages and files
     picture = read_picture(path)
