@@ -8,6 +8,7 @@ import pytest
 from openswim import Camera, Scene, UserError
 from openswim.cli.main import run
 from openswim.films import CameraPath, film
+from openswim.films.making import _count
 
 NOON = np.datetime64("2024-06-01T12:00", "ms")
 CLEAR = Scene.clear(47.0, 11.0, time=NOON)
@@ -107,6 +108,13 @@ def test_paths_that_are_none_are_refused(tmp_path: Path, text: str, message: str
     file.write_text(text)
     with pytest.raises(UserError, match=message):
         CameraPath.read(file)
+
+
+def test_a_folder_is_no_path_and_an_endless_film_is_told_shortly(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"cannot be read as text \(Is a directory\): give a CSV"):
+        CameraPath.read(tmp_path)
+    with pytest.raises(UserError, match=r"film: 1\.5e\+300 frames; at most"):
+        _count(1.5e300)
 
 
 def test_what_a_camera_cannot_be_on_its_path_names_the_file(tmp_path: Path) -> None:

@@ -84,7 +84,8 @@ class CameraPath:
                 raise UserError(f"{file}: larger than {MOST_BYTES // 1_000_000} MB: too many points for a path")
             text = file.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
-            raise UserError(f"{file}: cannot be read as text ({error}): give a CSV or GPX file") from error
+            why = getattr(error, "strerror", None) or error
+            raise UserError(f"{file}: cannot be read as text ({why}): give a CSV or GPX file") from error
         rows = _gpx(text, file) if file.suffix.lower() == ".gpx" or text.lstrip().startswith("<") else _csv(text, file)
         if len(rows) > MOST_POINTS:
             raise UserError(f"{file}: {len(rows)} points; a path has at most {MOST_POINTS}")
