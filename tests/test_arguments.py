@@ -10,9 +10,16 @@ import xarray as xr
 import openswim
 from openswim import Background, Camera, Ground, Scene, Solver, UserError, open_scene, render, save_camera, to_rgb
 from openswim.assimilation.settings import Settings
+from openswim.cameras.files import FrameSettings, write_camera
+from openswim.films import CameraPath
 from openswim.ground.maps import maps_of
+from openswim.observations import read_frame
+from openswim.observations.calibration import calibrate
+from openswim.scene.frame import scene_frame
+from openswim.system.side_by_side import jobs_of
 
 FIELD, AXIS, LEVELS = np.zeros((5, 4, 4)), np.arange(4.0), np.arange(5.0)
+TIMES = np.array(["2024-06-21T12:00", "2024-06-21T12:01"], "datetime64[ms]")
 CAMERA, CLEAR = Camera.allsky(46, 8, size=8), Scene.clear(46, 8)
 IMAGE = xr.DataArray(np.ones((4, 4, 3)), {"wavelength": [615.0, 546.0, 450.0]}, ("y", "x", "wavelength"))
 
@@ -67,6 +74,25 @@ def arrays(**wrong: Any) -> Scene:
         (lambda: save_camera(CAMERA, "\0"), "no file can have this name"),
         (lambda: save_camera(CAMERA, "\ud800.toml"), "is not UTF-8"),
         (lambda: CLEAR.to_netcdf(b"x.nc"), "give a file's name"),
+        (lambda: CAMERA.rays(CLEAR), r"frame is <Scene.*scene_frame\(scene\)"),
+        (lambda: CAMERA.rays(scene_frame(CLEAR), "high"), "ground_height_m is 'high': give a number"),
+        (lambda: CAMERA.height_above_sea_m(None), "ground_height_m is None"),
+        (lambda: Camera.perspective(46, 8, fov_deg=1e-9), "field of view 1e-09 degrees is too narrow for 900 columns"),
+        (lambda: render(CLEAR, CAMERA, wavelengths_nm=[[1], [2, 3]]), "wavelengths_nm"),
+        (lambda: render(CLEAR, CAMERA, wavelengths_nm=np.full(99, 1.0)), "wavelengths_nm"),
+        (lambda: FrameSettings(utc_offset_h="one"), "utc_offset_h must be a number"),
+        (lambda: calibrate("a.jpg", 46, 8, settings={}), "settings is {}: give FrameSettings"),
+        (lambda: calibrate("a.jpg", 46, 8, mask=3), "mask is 3: give a file's name"),
+        (lambda: calibrate("a.jpg", 46, 8, by=FIELD), "by is ndarray"),
+        (lambda: calibrate("a.jpg", 46, 8, name="\udcff"), r"name '.udcff' is no text in UTF-8"),
+        (lambda: read_frame("a.jpg", settings=3), "settings is 3: give FrameSettings"),
+        (lambda: write_camera(CAMERA, "a.toml"), "content is Camera.*give CameraFile"),
+        (lambda: openswim.compare(None, "a.jpg", CAMERA, encoding=FIELD), "encoding must be a number"),
+        (lambda: jobs_of(1, 100_000), "threads 100000: give 1 to 1024"),
+        (lambda: CameraPath.read(None), "path is None: give a file's name"),
+        (lambda: CameraPath("a", FIELD, FIELD), "time is 'a'"),
+        (lambda: CameraPath(TIMES, np.zeros((2, 2)), FIELD), r"place has shape \(2, 2\): it must be \(2, 3\)"),
+        (lambda: CameraPath(TIMES, np.zeros((2, 3)), 3), r"attitude has shape \(\): it must be \(2, 4\)"),
     ],
 )  # fmt: skip
 def test_wrong_arguments_are_named(call: Callable[[], Any], named: str):

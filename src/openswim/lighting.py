@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import takes
+from openswim.arguments import shown, takes
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.ground.surface import settled
@@ -21,6 +21,7 @@ from openswim.lights import subsolar_point, sun_position
 from openswim.lights.daylight import Daylight
 from openswim.lights.eclipses import MoonShadow
 from openswim.lights.refraction import lit_altitude_deg
+from openswim.optics.limits import check_wavelengths
 from openswim.pictures.viewpoint import LitScene
 from openswim.scene import Scene
 from openswim.scene.frame import azimuth_altitude, scene_frame
@@ -74,18 +75,19 @@ def _checked_sun(sun: Any) -> tuple[float, float]:
     except (TypeError, ValueError):
         azimuth = altitude = np.nan
     if not (np.isfinite(azimuth) and -90 <= altitude <= 90):
-        raise UserError(f"sun = {sun!r}: give (azimuth, altitude) in degrees, the altitude within -90..90")
+        raise UserError(f"sun = {shown(sun)}: give (azimuth, altitude) in degrees, the altitude within -90..90")
     return azimuth, altitude
 
 
 def checked_wavelengths(wavelengths_nm: Any) -> F64:
-    """(n,), each once: data are told apart by them."""
+    """(n,), each once, as data are told apart by them, and of which light can be solved for."""
     try:
         wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     except (TypeError, ValueError, OverflowError):
         wavelengths = np.empty((0, 0))
     if wavelengths.ndim != 1 or np.unique(wavelengths).size < wavelengths.size:
-        raise UserError(f"wavelengths_nm = {wavelengths_nm!r}: give a list of numbers, each once")
+        raise UserError(f"wavelengths_nm = {shown(wavelengths_nm)}: give a list of numbers, each once")
+    check_wavelengths(wavelengths)
     return wavelengths
 
 

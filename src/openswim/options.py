@@ -82,7 +82,7 @@ class Options:
         if not isinstance(self.quality, str) or self.quality not in SETTINGS:
             raise UserError(f"unknown quality {shown(self.quality)}: choose one of {', '.join(SETTINGS)}")
         if self.quality != "standard" and self.name != "fast":
-            raise UserError(f"quality belongs to solver 'fast'; leave it out with {self.name!r}")
+            raise UserError(f"quality belongs to solver 'fast'; leave it out with {shown(self.name)}")
         if not 0 < self.step < np.inf:
             raise UserError(f"step = {self.step:g}: give a positive number of cells, such as 1")
         if self.tolerance is not None and not 0 < self.tolerance < np.inf:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from openswim.arguments import takes
 from openswim.cameras import Camera
 from openswim.errors import UserError
-from openswim.lighting import WAVELENGTHS_NM, light, solver_of, sun_over_camera
+from openswim.lighting import WAVELENGTHS_NM, checked_wavelengths, light, solver_of, sun_over_camera
 from openswim.pictures.images import check_fits, check_layers
 from openswim.pictures.observer import check_observer
 from openswim.pictures.viewpoint import LitScene
@@ -50,7 +49,7 @@ def render(
         raise UserError(f"sparse is {sparse:g}: give a spread of light over its mean from 0 to below 1, such as .02")
     if isinstance(scene, LitScene):
         return scene.viewpoint(camera).view(layers, sparse=sparse)
-    check_fits(camera.shape, np.size(wavelengths_nm))
+    check_fits(camera.shape, checked_wavelengths(wavelengths_nm).size)
     chosen = solver_of(solver)
     part = _needed(scene, camera, chosen.name)
     check_observer(part, camera, chosen.name)

@@ -135,9 +135,45 @@ def test_doubles_keep_their_bits_and_packed_water_is_refused(tmp_path: Path) -> 
     before, after = fields(model), fields(out)
     assert {name: np.count_nonzero(before[name] != after[name]) for name in changed} == changed
     with netCDF4.Dataset(model, "r+") as file:
+        file["QVAPOR"].least_significant_digit = 4
+    with pytest.raises(UserError, match=r"QVAPOR has .* would be rounded.*ncatted -a least_significant_digit,QVAPOR"):
+        check_write_back([model], tmp_path / "other.nc", "cloud_liquid")
+    with netCDF4.Dataset(model, "r+") as file:
+        file["QVAPOR"].delncattr("least_significant_digit")
         file["QCLOUD"].scale_factor = 2.0
     with pytest.raises(UserError, match=r"QCLOUD is packed.*ncpdq"):
         check_write_back([model], tmp_path / "other.nc", "cloud_liquid")
+
+
+def test_numbers_of_the_other_byte_order_are_put_back(tmp_path: Path) -> None:
+    model, out = wrf(tmp_path), tmp_path / "out.nc"
+    with netCDF4.Dataset(model, "r+") as file:
+        for name in ("QCLOUD", "QVAPOR"):
+            file.renameVariable(name, f"own_{name}")
+            other = file.createVariable(name, ">f4", ("Time", *LEVELS), endian="big")
+            other.units = "kg kg-1"
+            other[:] = file[f"own_{name}"][:]
+    found = analysis_of(open_scene(model, time=SECOND), {"liquid_content": lambda q: np.maximum(q, blob())})
+    changed = write_back(found, model, out)
+    before, after = fields(model), fields(out)
+    assert {name: np.count_nonzero(before[name] != after[name]) for name in changed} == changed
+    assert changed["QCLOUD"] > 0
+    with netCDF4.Dataset(out) as file:
+        assert file["QCLOUD"].endian() == "big"
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e300])
+def test_what_is_no_number_is_not_put_back(tmp_path: Path, wrong: float) -> None:
+    model, out = wrf(tmp_path), tmp_path / "out.nc"
+    out.write_text("as it was")
+    scene = open_scene(model, time=SECOND)
+    assert scene.grid is not None
+    more = np.zeros(scene.grid.shape)
+    more[1, 2, 3] = wrong
+    with pytest.raises(UserError, match="write-back: QCLOUD would not be finite"), np.errstate(all="ignore"):
+        put_increments(model, out, scene.grid, {"liquid_content": more}, scene.time)
+    assert out.read_text() == "as it was"
+    assert {each.name for each in tmp_path.iterdir()} == {model.name, "out.nc"}
 
 
 def test_removed_cloud_leaves_air_below_saturation(tmp_path: Path) -> None:

@@ -152,6 +152,25 @@ def test_other_precisions_signs_and_containers(tmp_path: Path) -> None:
         check_files(paths)
 
 
+def test_all_products_are_written_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = products(tmp_path / "in")
+    found = analysis_of(open_scene(paths), {"liquid_content": lambda q: q + 1e-5})
+    out = tmp_path / "out"
+    out.mkdir()
+    copied: list[Path] = []
+
+    def full(path: Path, target: Path) -> None:
+        copied.append(path)
+        if len(copied) == len(paths):
+            raise OSError(28, "No space left on device")
+        target.write_bytes(path.read_bytes())
+
+    monkeypatch.setattr("openswim.readers.models.laps_increments.shutil.copyfile", full)
+    with pytest.raises(UserError, match="No space left"):
+        write_back(found, paths, out)
+    assert not list(out.iterdir())
+
+
 def test_what_cannot_be_put_into_laps_is_told_in_a_line(tmp_path: Path) -> None:
     paths = products(tmp_path / "in")
     found = analysis_of(open_scene(paths), {"liquid_content": lambda q: q + 1e-5})

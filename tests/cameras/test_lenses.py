@@ -237,3 +237,10 @@ def test_nonsense_is_refused_in_one_line(wrong):
     with pytest.raises(UserError) as caught:
         wrong()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("model", ["polynomial", "kannala-brandt", "ocam", "pinhole"])
+@pytest.mark.parametrize("coefficients", [(1e308, 1e308, 1e308), (1.0, 1e-320), (np.nan, 1.0)])
+def test_coefficients_that_no_lens_has_are_refused(model, coefficients):
+    with pytest.raises(UserError, match=r"coefficients .* must be numbers within"):
+        Lens(model, 150.0, coefficients)

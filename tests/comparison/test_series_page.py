@@ -13,6 +13,7 @@ from openswim.comparison.report.series_page import _table
         ("javascript:alert(1);.png", 'href="javascript%3Aalert%281%29%3B.html"'),
         ("a#b?100%.png", 'href="a%23b%3F100%25.html"'),
         ('"><script>.png', 'href="%22%3E%3Cscript%3E.html"'),
+        ("a\u202e\nb\x1b.png", 'href="a%E2%80%AE%0Ab%1B.html">a\\u202e b\\x1b.png<'),
     ],
 )
 def test_links_lead_to_the_frames_own_page(name: str, link: str):

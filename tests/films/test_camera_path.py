@@ -8,6 +8,7 @@ import pytest
 from openswim import Camera, Scene, UserError
 from openswim.cli.main import run
 from openswim.films import CameraPath, film
+from openswim.films.making import _count
 
 NOON = np.datetime64("2024-06-01T12:00", "ms")
 CLEAR = Scene.clear(47.0, 11.0, time=NOON)
@@ -92,6 +93,10 @@ def test_a_camera_that_stops_goes_on_looking_ahead() -> None:
         ("<gpx><!ENTITY a 'b'></gpx>", "declarations"),
         ("<gpx>", "damaged GPX"),
         ("time,lat,lon,height_m\n2024-01-01,1,1e18,3\n2024-01-02,1,2,3\n", "places that are none"),
+        ("time,lat,lon,height_m\n2024-01-01,1,2,3\n2024-01-02,1,2,1e300\n", r"point 2 says \[1.0, 2.0, 1e\+300\]"),
+        ("time,lat,lon,height_m\n2024-01-01,4_6,2,3\n2024-01-02,1,2,3\n", "line 2: lat is '4_6'"),
+        ('time,lat,lon,height_m\n2024-01-01,"46\n.1",2,3\n2024-01-02,1,2,3\n', "line 3: lat is"),
+        ('<gpx><trkpt lat="1" lon="2"><time>2024-01-01</time></trkpt></gpx>', "track point 1 has no height"),
         ("time,lat,lon,height_m,altitude\n2024-01-01,1,2,3,99\n2024-01-02,1,2,3,4\n", "altitude beyond 90 degrees"),
         ("time,lat,lon,height_m" + ",d" * 1000, "1004 columns"),
         ("time,lat,lon,height_m\n" + "1\n" * 100_001, "100001 points"),
@@ -103,6 +108,21 @@ def test_paths_that_are_none_are_refused(tmp_path: Path, text: str, message: str
     file.write_text(text)
     with pytest.raises(UserError, match=message):
         CameraPath.read(file)
+
+
+def test_a_folder_is_no_path_and_an_endless_film_is_told_shortly(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"cannot be read as text \(Is a directory\): give a CSV"):
+        CameraPath.read(tmp_path)
+    with pytest.raises(UserError, match=r"film: 1\.5e\+300 frames; at most"):
+        _count(1.5e300)
+
+
+def test_what_a_camera_cannot_be_on_its_path_names_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    file.write_text("time,lat,lon,height_m,fov\n2024-01-01,1,2,3,60\n2024-01-02,1,2,3,-5\n")
+    path = CameraPath.read(file)
+    with pytest.raises(UserError, match=r"path\.csv: at 2024-01-02T00:00:00\.000: field of view -5"):
+        path.camera(Camera.perspective(1, 2), path.time)
 
 
 def test_a_path_has_times_of_its_own(tmp_path: Path) -> None:

@@ -47,6 +47,13 @@ def test_two_films_into_one_output_are_one_too_many(tmp_path: Path, other: int) 
     assert not kept.folder.exists()
 
 
+def test_a_film_that_is_refused_leaves_no_folder(tmp_path: Path) -> None:
+    kept = KeptFrames(tmp_path / "film.mp4", {"a": 1})
+    with pytest.raises(UserError, match="no sun"), kept.held():
+        raise UserError("no sun")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_hidden_folder_of_others_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / ".film-film.mp4.frames").mkdir()
     (tmp_path / ".film-film.mp4.frames" / "letter.txt").write_text("x")

@@ -172,7 +172,8 @@ def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch)
     optics = mounted(EQUISOLID)
     star_frame(tmp_path / "stars.png", optics, NIGHT)
     place = ["--lat", str(LAT), "--lon", str(LON)]
-    assert run(["calibrate", "stars.png", *place, "--time", NIGHT, "-o", "roof.toml", "--name", "roof <1>"]) == 0
+    called = ["--name", "roof <1>\n\u202e"]
+    assert run(["calibrate", "stars.png", *place, "--time", NIGHT, "-o", "roof.toml", *called]) == 0
     said = capsys.readouterr()
     assert "lens equisolid" in said.out
     assert "cannot tell the clock" in said.out
@@ -181,7 +182,8 @@ def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch)
     assert content.calibration["held_out_px"] < 0.15
     assert worst_deg(load_camera("roof.toml"), optics) < 0.02
     page = (tmp_path / "roof.html").read_text()
-    assert "roof &lt;1&gt;" in page
+    assert "<title>roof &lt;1&gt; \\u202e</title>" in page  # as a terminal shows it, nothing from right to left
+    assert content.name == "roof <1>\n\u202e"
     assert "src=\"data:image/jpeg" in page
     assert not re.search(r"(?:src|href)\s*=\s*\"(?!data:)|url\(|@import|<script", page)
     assert page.count("<svg") == 3

@@ -6,6 +6,7 @@ import os
 import resource
 import shutil
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -177,3 +178,15 @@ def test_a_full_disk(tmp_path, suffix):
         with Image.open(path) as whole:
             whole.load()
     shutil.rmtree(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+def test_pipes_and_devices_are_not_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.nc"
+    os.mkfifo(pipe)
+    with pytest.raises(UserError, match=r"--observations .*pipe\.nc: is a pipe, device or socket"):
+        check_target(pipe, name="--observations")
+    with pytest.raises(UserError, match="pipe, device or socket"), written_whole(pipe):
+        pass
+    assert stat.S_ISFIFO(pipe.lstat().st_mode)
+    assert list(tmp_path.iterdir()) == [pipe]

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from openswim.arguments import check_choice, number
+from openswim.arguments import check_choice, number, shown
 from openswim.assimilation.filters import Filter
 from openswim.assimilation.observing.controls import LEAST_SHARE
 from openswim.assimilation.observing.rows import Rows
@@ -48,7 +48,7 @@ class Background:
                 variable_of(str(key))
             for value in given.values() if isinstance(given, Mapping) else [] if given is None else [given]:
                 if not 0 < number(f"background: {name}", value) < np.inf:
-                    raise UserError(f"background: {name} = {value!r}: give a positive number")
+                    raise UserError(f"background: {name} = {shown(value)}: give a positive number")
 
     def of(self, name: str, variable: Variable) -> float:
         """A length, height or spread of a control; its default where none is given."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import check_choice
+from openswim.arguments import check_choice, shown
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Transform:
 
     def __post_init__(self) -> None:
         if self.name not in NAMES:
-            raise UserError(f"transform {self.name!r} is unknown: choose one of {', '.join(NAMES)}")
+            raise UserError(f"transform {shown(self.name)} is unknown: choose one of {', '.join(NAMES)}")
 
     def value(self, x: F64) -> F64:
         made = {"softplus": lambda: np.logaddexp(0.0, x), "sqrt": lambda: x**2, "log": lambda: np.exp(x),

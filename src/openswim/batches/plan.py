@@ -18,7 +18,7 @@ from openswim.cameras.toml_text import read_toml
 from openswim.colour.exposure import check_exposure, check_gamma
 from openswim.colour.picture import check_caption
 from openswim.errors import UserError
-from openswim.lighting import WAVELENGTHS_NM
+from openswim.lighting import WAVELENGTHS_NM, checked_wavelengths
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
 
@@ -114,9 +114,7 @@ def _plan(
     folder = output if output is not None else names.beside(text_of(tables, "output", "openswim-batch"), "output")
     sun = tables.get("sun")
     solver, quality = text_of(tables, "solver", "fast"), text_of(tables, "quality", "standard")
-    wavelengths = tuple(float(nm) for nm in numbers("wavelengths", tables.get("wavelengths", WAVELENGTHS_NM)).ravel())
-    if len(set(wavelengths)) < len(wavelengths) or not wavelengths:
-        raise UserError("wavelengths: give each once, in nm")
+    wavelengths = tuple(checked_wavelengths(numbers("wavelengths", tables.get("wavelengths", WAVELENGTHS_NM))).tolist())
     aod = tables.get("aod")
     look = _look(tables.get("picture", {}))
     ensemble = _ensemble(tables["ensemble"]) if "ensemble" in tables else None

@@ -10,6 +10,7 @@ from openswim.arguments import check_kind, number, numbers, shown, takes
 from openswim.cameras import panorama
 from openswim.cameras.checks import (
     check_altitude_range,
+    check_finest,
     check_height,
     check_place,
     check_pointing,
@@ -89,6 +90,8 @@ class Camera(RealCameras):
         check_view(self.view, self.fov_deg, self.lens_optics is not None, self.given is not None)
         check_altitude_range(self.altitude_range_deg)
         check_pointing(self.azimuth_deg, self.altitude_deg, self.roll_deg)
+        if self.view in ("allsky", "perspective"):
+            check_finest(self.fov_deg, self.shape[1])
         object.__setattr__(self, "horizon_deg", checked_horizon(self.horizon_deg))
 
     @classmethod
@@ -111,7 +114,7 @@ class Camera(RealCameras):
         centred on the nadir, east is on the right, as on a map.
         """
         if centre not in ("zenith", "nadir"):
-            raise UserError(f"allsky camera: centre {centre!r} is unknown; use 'zenith' or 'nadir'")
+            raise UserError(f"allsky camera: centre {shown(centre)} is unknown; use 'zenith' or 'nadir'")
         altitude = 90.0 if centre == "zenith" else -90.0
         shape = shape_of(size)
         if len(set(shape)) > 1:
@@ -310,12 +313,15 @@ class Camera(RealCameras):
             mask=mask,
         )
 
+    @takes
     def rays(self, frame: Any, ground_height_m: float = 0.0, pixels: Pixels | None = None) -> Rays:
         """Rays of the inside pixels, row by row, in the frame of a scene (`openswim.scene.frame.Frame`).
 
         `ground_height_m`: the ground's height above sea level under the camera.  `Pixels.image` puts what the
         rays bring home back into the picture.
         """
+        if not all(hasattr(frame, each) for each in ("curved", "position", "enu")):
+            raise UserError(f"camera: frame is {shown(frame)}: give openswim.scene.frame.scene_frame(scene)")
         pixels = self.pixels() if pixels is None else pixels
         north, east = (self.lat, self.lon) if self.x_m is None else (self.y_m, self.x_m)
         self.check_frame(frame.curved)
@@ -326,10 +332,12 @@ class Camera(RealCameras):
             return Rays(origin, direction / np.linalg.norm(direction, axis=-1, keepdims=True), width)
         return Rays(origin, pixels.direction[pixels.inside] @ frame.enu(north, east), width)
 
+    @takes
     def check_frame(self, curved: bool) -> None:
         """Raise UserError unless the camera's place is one of a curved, or a flat, scene."""
         require(curved == (self.x_m is None), CURVED_NEEDS_LATLON if curved else FLAT_NEEDS_XY)
 
+    @takes
     def height_above_sea_m(self, ground_height_m: float = 0.0) -> float:
         """Height of the camera above sea level, metres; an eye on the ground lies on it, not in it."""
         height = self.height_m + (ground_height_m if self.above == "ground" else 0.0)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from openswim.arguments import check_choice, numbers, shown
+from openswim.cameras.lenses import LARGEST_PX
 from openswim.errors import UserError
 
 MAX_HEIGHT_M = 2.0e9
@@ -64,6 +65,13 @@ def check_view(view: Any, fov_deg: float, lens: bool = False, listed: bool = Fal
         0 < fov_deg <= widest,
         f"field of view {fov_deg} degrees is not above 0 and up to {widest:g} for view {view}",
     )
+
+
+def check_finest(fov_deg: float, columns: int) -> None:
+    """The field of view, of a picture so wide that no lens could draw it."""
+    finest = float(np.degrees(columns / LARGEST_PX))
+    require(fov_deg >= finest, f"field of view {fov_deg} degrees is too narrow for {columns} columns: "
+                               f"give {finest:.2g} or more, or fewer columns")  # fmt: skip
 
 
 def check_pointing(azimuth_deg: float, altitude_deg: float, roll_deg: float) -> None:

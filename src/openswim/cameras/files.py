@@ -57,6 +57,11 @@ class FrameSettings:
     saturated_count: float | None = None
 
     def __post_init__(self) -> None:
+        if self.time_pattern is not None:
+            check_kind("time_pattern", self.time_pattern, str, 'write it as "%Y%m%d_%H%M%S"')
+        for name in ("utc_offset_h", "saturated_count"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, number(name, getattr(self, name)))
         if self.utc_offset_h is not None and not abs(self.utc_offset_h) <= 15:
             raise UserError(f"the clock's offset from UTC (utc_offset_h) is {self.utc_offset_h:g}, not -15 to 15 hours")
 
@@ -115,9 +120,9 @@ def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
     write_camera(CameraFile(camera), path)
 
 
+@takes
 def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> None:
     """Write a camera's file; maps go into a file beside it."""
-    check_kind("camera file", path, (str, os.PathLike), "give a file's name")
     path = Path(path)
     camera = content.camera
     tables: dict[str, Any] = {"openswim_camera": VERSION}
@@ -313,18 +318,12 @@ def _array(path: Path) -> np.ndarray:
 
 
 def _frame_settings(frame: dict[str, Any]) -> FrameSettings:
-    pattern = frame.get("time_pattern")
-    if pattern is not None:
-        check_kind("[frame] time_pattern", pattern, str, 'write it as "%Y%m%d_%H%M%S"')
-    numbers = {
-        key: number(f"[frame] {key}", frame[key]) for key in ("utc_offset_h", "saturated_count") if key in frame
-    }
-    return FrameSettings(pattern, numbers.get("utc_offset_h"), numbers.get("saturated_count"))
+    return FrameSettings(*(frame.get(key) for key in ("time_pattern", "utc_offset_h", "saturated_count")))
 
 
 def checked_encoding(value: Any) -> str | float | None:
     """The encoding of counts: "srgb", "linear", an exponent, or None; raises UserError."""
-    if value is None or value in ("srgb", "linear"):
+    if value is None or (isinstance(value, str) and value in ("srgb", "linear")):
         return None if value is None else str(value)
     exponent = number("encoding", value) if not isinstance(value, str) else np.nan
     if not 0.2 <= exponent <= 5:

@@ -29,7 +29,8 @@ MODELS = {
     "pinhole": ("k1, k2, p1, p2, k3 of Brown and Conrady", 5),  # r = f tan t, then distorted
 }
 FISHEYES = tuple(name for name in MODELS if name != "pinhole")
-_LARGEST_PX = 1e7
+LARGEST_PX = 1e7
+_LARGEST = 1e60  # of coefficients, whose ratios and powers stay numbers then
 
 
 @dataclass(frozen=True)
@@ -48,15 +49,16 @@ class Lens:
         if not isinstance(self.model, str) or self.model not in MODELS:
             raise UserError(f"lens {shown(self.model)} is unknown: choose one of {', '.join(MODELS)}")
         focal = number("lens: focal_px", self.focal_px)
-        if not 0 < focal < _LARGEST_PX:
-            raise UserError(f"lens: focal_px {focal:g} must lie between 0 and {_LARGEST_PX:g} pixels per radian")
+        if not 0 < focal < LARGEST_PX:
+            raise UserError(f"lens: focal_px {focal:g} must lie between 0 and {LARGEST_PX:g} pixels per radian")
         given = np.atleast_1d(numbers("lens: coefficients", self.coefficients)).astype(float).ravel()
         meaning, most = MODELS[self.model]
         if given.size > most:
             takes = f"takes at most {most} coefficients ({meaning})" if most else "takes no coefficients"
             raise UserError(f"lens: {self.model} {takes}, got {given.size}")
-        if not np.isfinite(given).all():
-            raise UserError(f"lens: coefficients {shown(self.coefficients)} must be finite numbers")
+        size = np.abs(given[given != 0])
+        if not ((size >= 1 / _LARGEST) & (size <= _LARGEST)).all():
+            raise UserError(f"lens: coefficients {shown(self.coefficients)} must be numbers within {_LARGEST:g}")
         object.__setattr__(self, "focal_px", focal)
         object.__setattr__(self, "coefficients", tuple(float(c) for c in given))
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import number
+from openswim.arguments import number, shown
 from openswim.cameras.checks import MAX_HEIGHT_M, check_altitude_range, check_shape, require
 
 Size = int | str | Sequence[int]  # columns; "COLUMNSxROWS" as the command line has it; an array's (rows, columns)
@@ -18,7 +18,7 @@ def shape_of(size: Size, rows: Callable[[int], int] = int) -> tuple[int, int]:
     given: Any = size
     if isinstance(given, str):
         match = re.fullmatch(r"\s*(\d{1,6})(?:\s*[xX]\s*(\d{1,6}))?\s*", given)
-        require(match is not None, f"image size {given!r}: write COLUMNS or COLUMNSxROWS, such as 1440x720")
+        require(match is not None, f"image size {shown(given)}: write COLUMNS or COLUMNSxROWS, such as 1440x720")
         assert match is not None
         given = int(match[1]) if match[2] is None else (int(match[2]), int(match[1]))
     given = given.tolist() if isinstance(given, np.ndarray) else given

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from openswim.errors import UserError
+from openswim.errors import UserError, one_line
 
 if TYPE_CHECKING:
     from openswim.batches import Report, Work
@@ -117,7 +117,7 @@ def part_of_text(text: str) -> tuple[int, int]:
 def tell_failed(report: "Report") -> None:
     """List what failed, and raise for it: the user's mistake or a bad file, or a fault of ours."""
     for one in report.failed[:_TOLD]:
-        click.echo(f"failed: {one.task}: {one.failure}", err=True)
+        click.echo(one_line(f"failed: {one.task}: {one.failure}"), err=True)
     if len(report.failed) > _TOLD:
         click.echo(f"failed: ... and {len(report.failed) - _TOLD} more", err=True)
     if report.failed:

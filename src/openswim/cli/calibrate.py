@@ -63,7 +63,7 @@ def run(request: CalibrateRequest) -> None:
     )
     for line in found.cannot_tell:
         click.echo(f"cannot tell {one_line(line)}")
-    click.echo(f"{request.output}, {report}")
+    click.echo(one_line(f"{request.output}, {report}"))
 
 
 def _check(request: CalibrateRequest, path: Path, frames: list[Path]) -> None:

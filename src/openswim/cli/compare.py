@@ -85,7 +85,7 @@ def run(request: CompareRequest) -> None:
     progress = Progress(jobs)
     done = compare_into(skies, listed, content, settings, known, request.output, request.time, progress.tell,
                         progress.tell_failed, jobs, progress.begin)  # fmt: skip
-    click.echo(f"{done}")
+    click.echo(one_line(f"{done}"))
     if progress.failed:
         raise UserError(f"{progress.failed} of {len(listed)} frames are left out, as said above")
 
@@ -150,7 +150,7 @@ def tell_without_obstacles(path: Path, content: "CameraFile", lowest_deg: float)
     if content.camera.nothing_hides:
         where = f"trees, masts and roofs above {lowest_deg:g} degrees count as sky, and spoil scores and masks"
         remedy = "write [obstacles] into it (docs/cameras.md), or raise --lowest"
-        click.echo(f"note: {path} names no obstacles: {where}; {remedy}", err=True)
+        click.echo(f"note: {one_line(str(path))} names no obstacles: {where}; {remedy}", err=True)
 
 
 def tell_when_far(seen: np.datetime64, model: np.datetime64, what: str) -> None:

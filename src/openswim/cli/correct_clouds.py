@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from openswim.errors import UserError
+from openswim.errors import UserError, one_line
 
 if TYPE_CHECKING:
     from openswim.cameras.files import CameraFile
@@ -80,7 +80,7 @@ def run(request: CorrectCloudsRequest) -> None:
     save = scene.to_zarr if request.output.suffix == ".zarr" else scene.to_netcdf
     save(request.output)
     save_netcdf(history, scores)
-    click.echo(f"{request.output}, {scores}")
+    click.echo(one_line(f"{request.output}, {scores}"))
 
 
 def _tell_time(request: CorrectCloudsRequest, frame: Path, camera: "CameraFile") -> None:

@@ -332,7 +332,7 @@ def parse_size(text: str, square: bool = False) -> int | tuple[int, int]:
 
     match = re.fullmatch(r"(\d{1,6})(?:[xX,](\d{1,6}))?", text.strip())
     if not match:
-        raise UserError(f"--size {text!r} is not understood; write COLUMNS or COLUMNSxROWS, such as 1440x720")
+        raise UserError(f"--size {shown(text)} is not understood; write COLUMNS or COLUMNSxROWS, such as 1440x720")
     columns = int(match.group(1))
     if not all(1 <= int(pixels) <= MAX_SIZE for pixels in match.groups() if pixels):
         raise UserError(f"--size {text}: give 1 to {MAX_SIZE} pixels each way")

@@ -67,7 +67,8 @@ def exposure_of(image: xr.Dataset | xr.DataArray, exposure: Any) -> float | None
     curve = SUN_CURVE if exposure == "sun" else _curve(exposure)
     altitude = image.attrs.get("sun_altitude_deg")
     if altitude is None:
-        raise UserError(f"exposure {exposure!r} goes by the sun, whose altitude the image does not have: give a number")
+        told = f"exposure {shown(exposure)} goes by the sun, whose altitude the image does not have"
+        raise UserError(f"{told}: give a number")
     heights, values = np.array(sorted(curve)).T
     return float(np.exp(np.interp(float(altitude), heights, np.log(values))))
 
@@ -93,7 +94,7 @@ def check_exposure(exposure: Any) -> None:
 def check_gamma(gamma: Any) -> None:
     """Raise UserError unless it is "srgb" or a positive number."""
     if gamma != "srgb" and not is_positive(gamma):
-        raise UserError(f"gamma {gamma!r} must be 'srgb' or a positive number such as 2.2")
+        raise UserError(f"gamma {shown(gamma)} must be 'srgb' or a positive number such as 2.2")
 
 
 def is_positive(value: object) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import check_keys, shown
+from openswim.arguments import check_keys, numbers, shown, takes
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.progress import tell
@@ -47,13 +47,24 @@ class CameraPath:
     file: Path | None = None
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.time, np.ndarray) and self.time.ndim == 1 and self.time.dtype.kind == "M"):
+            raise UserError(f"a camera's path: time is {shown(self.time)}: give an array of datetime64[ms]")
+        for name, width in (("place", len(PLACE)), ("attitude", len(ATTITUDE))):
+            values, shape = numbers(f"a camera's path: {name}", getattr(self, name)), (len(self.time), width)
+            if values.shape != shape:
+                raise UserError(f"a camera's path: {name} has shape {values.shape}: it must be {shape}")
+            object.__setattr__(self, name, values.astype(float))
         if len(self.time) < 2:
             raise UserError("a camera's path needs at least two points")
         if not np.all(np.diff(self.time.astype(np.int64)) > 0):
             raise UserError("a camera's path must go forward in time: sort its points, each time once")
-        lat, lon, height = np.abs(self.place.T)
-        if not np.isfinite(self.place).all() or lat.max() > 90.0 or lon.max() > 360.0 or height.max() > 1e9:
-            raise UserError("a camera's path has places that are none: latitude, longitude in degrees, height in m")
+        fine = (np.abs(self.place) <= (90.0, 360.0, 1e9)).all(axis=1)
+        if not fine.all():
+            at = int(np.argmin(fine))
+            raise UserError(
+                f"a camera's path has places that are none: latitude, longitude in degrees, height in m; point "
+                f"{at + 1} says {shown(self.place[at].tolist())}"
+            )
         for name, values in zip(ATTITUDE, self.attitude.T, strict=True):
             if not np.isfinite(values).all() and not np.isnan(values).all():
                 raise UserError(f"a camera's path has no finite {name} at some points: give it at all or at none")
@@ -62,6 +73,7 @@ class CameraPath:
                 raise UserError(f"a camera's path has {name} beyond {most:g} degrees at some points: mend it")
 
     @classmethod
+    @takes
     def read(cls, path: str | os.PathLike[str]) -> CameraPath:
         """A path from GPX (ele, time), or CSV: columns time, lat, lon, height_m; optional azimuth, altitude, roll,
         fov."""
@@ -72,7 +84,8 @@ class CameraPath:
                 raise UserError(f"{file}: larger than {MOST_BYTES // 1_000_000} MB: too many points for a path")
             text = file.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
-            raise UserError(f"{file}: cannot be read as text ({error}): give a CSV or GPX file") from error
+            why = getattr(error, "strerror", None) or error
+            raise UserError(f"{file}: cannot be read as text ({why}): give a CSV or GPX file") from error
         rows = _gpx(text, file) if file.suffix.lower() == ".gpx" or text.lstrip().startswith("<") else _csv(text, file)
         if len(rows) > MOST_POINTS:
             raise UserError(f"{file}: {len(rows)} points; a path has at most {MOST_POINTS}")
@@ -111,7 +124,9 @@ class CameraPath:
         place, attitude = self.at(times)
         out = []
         ahead = self._headings(times) if base.view in ("perspective", "pinhole") else np.full(len(times), np.nan)
-        for (lat, lon, height), (azimuth, altitude, roll, fov), heading in zip(place, attitude, ahead, strict=True):
+        for time, (lat, lon, height), (azimuth, altitude, roll, fov), heading in zip(
+            times, place, attitude, ahead, strict=True
+        ):
             change: dict[str, Any] = {
                 "lat": float(lat), "lon": float(lon), "height_m": float(height), "above": "sea level",
                 "x_m": None, "y_m": None,
@@ -120,7 +135,10 @@ class CameraPath:
                       "roll_deg": roll, "fov_deg": fov}  # fmt: skip
             if base.view == "perspective":
                 change |= {name: float(value) for name, value in turned.items() if np.isfinite(value)}
-            out.append(replace(base, **change))
+            try:
+                out.append(replace(base, **change))
+            except UserError as error:
+                raise UserError(f"{self.file or 'a camera path'}: at {time}: {error}") from None
         return out
 
     def _headings(self, times: NDArray[np.datetime64]) -> F64:
@@ -155,7 +173,7 @@ def _looking(own: F64, looking_deg: F64, asked: F64) -> F64:
 
 
 def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
-    lines = csv.reader(text.splitlines())
+    lines = csv.reader(text.splitlines(keepends=True))
     try:
         table = [(lines.line_num, [cell.strip() for cell in row]) for row in lines if any(map(str.strip, row))]
     except csv.Error as error:
@@ -185,7 +203,7 @@ def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
         if any(cells[len(names) :]):
             raise UserError(f"{file}: line {number} has more cells than the first line has names: mend it")
         row = dict(zip(names, cells, strict=False))
-        values = [_cell(row.get(name, ""), name, number, file) if name in names else np.nan
+        values = [_cell(row.get(name, ""), name, f"line {number}", file) if name in names else np.nan
                   for name in (*PLACE, *ATTITUDE)]  # fmt: skip
         try:
             time = parse_time(row["time"])
@@ -196,15 +214,15 @@ def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
     return rows
 
 
-def _cell(text: str, name: str, number: int, file: Path) -> float:
+def _cell(text: str, name: str, where: str, file: Path) -> float:
     """The finite number of a cell."""
     try:
-        value = float(text)
+        value = float(text.replace("_", "?"))  # which Python takes for a thousands' mark
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
         remedy = ", or leave the column out" if name in ATTITUDE else ""
-        raise UserError(f"{file}: line {number}: {name} is {shown(text)}: give a finite number{remedy}")
+        raise UserError(f"{file}: {where}: {name} is {shown(text)}: give a finite number{remedy}")
     return value
 
 
@@ -224,9 +242,12 @@ def _gpx(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
         inside = {child.tag.rpartition("}")[2]: (child.text or "").strip() for child in point}
         try:
             time = parse_time(inside["time"])
-            place = [float(point.attrib["lat"]), float(point.attrib["lon"]), float(inside.get("ele", "nan"))]
+            place = [float(point.attrib["lat"]), float(point.attrib["lon"])]
         except (KeyError, ValueError, UserError) as error:
             raise UserError(f"{file}: track point {number} lacks time, lat or lon, or they are none") from error
+        if "ele" not in inside:
+            raise UserError(f"{file}: track point {number} has no height (ele, m above sea level): add it to each")
+        place.append(_cell(inside["ele"], "ele", f"track point {number}", file))
         assert time is not None
         rows.append((time, [*place, *[np.nan] * len(ATTITUDE)]))
     if not rows:

@@ -60,7 +60,11 @@ class KeptFrames:
             except OSError as error:
                 raise UserError(f"{self.folder}: cannot be made ({error.strerror}): choose another folder") from error
             self._begin()
-            yield self
+            try:
+                yield self
+            finally:
+                if not any(self.folder.glob("frame_*")):  # a film that was refused leaves nothing
+                    self.remove()
 
     def _begin(self) -> None:
         sweep(self.folder)

@@ -189,7 +189,7 @@ def shots_of(
 
 def _count(frames: float) -> int:
     if not frames <= MOST_FRAMES:
-        raise UserError(f"film: {frames:.0f} frames; at most {MOST_FRAMES} are made: choose longer steps")
+        raise UserError(f"film: {frames:.7g} frames; at most {MOST_FRAMES} are made: choose longer steps")
     return int(np.floor(frames + 1e-9)) + 1
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.lights.ephemeris import bodies, observer_at, standard_pressure_pa
 from openswim.lights.refraction import refracted_altitude_deg
@@ -36,7 +37,7 @@ class Planet:
 def planet_position(name: str, time: Time, lat: float, lon: float, height_m: float = 0.0) -> Planet:
     """One of `PLANETS` at a time (UTC; before 1972 UT1) from a place on the WGS84 ellipsoid."""
     if name not in PLANETS:
-        raise UserError(f"planet {name!r} is unknown: choose one of {', '.join(PLANETS)}")
+        raise UserError(f"planet {shown(name)} is unknown: choose one of {', '.join(PLANETS)}")
     here = observer_at(time, lat, lon, height_m)
     seen = here.observe(bodies()[name if name in ("mercury", "venus", "mars") else f"{name} barycenter"])
     apparent = seen.apparent()

@@ -1,6 +1,7 @@
 """`calibrate`: frames, place and times in, a camera out, with what speaks for it and what it cannot tell."""
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import openswim
-from openswim.arguments import number, paths
+from openswim.arguments import number, paths, shown, takes
 from openswim.cameras import Camera
 from openswim.cameras.checks import check_place, require
 from openswim.cameras.files import CameraFile, FrameSettings
@@ -59,6 +60,7 @@ class Calibration:
         return tuple(sky.frame for sky in self.fit.skies) if isinstance(self.fit, StarFit) else self.fit.frames
 
 
+@takes
 def calibrate(
     frames: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     lat: float,
@@ -79,8 +81,9 @@ def calibrate(
     """
     lat, lon, height_m = number("latitude", lat), number("longitude", lon), number("height", height_m)
     settings = settings or FrameSettings()
+    require(not re.search("[\ud800-\udfff]", name), f"calibrate: name {shown(name)} is no text in UTF-8: write another")
     check_place(lat, lon, None, None)
-    require(by is None or by in WAYS, f"calibrate: by {by!r} is unknown: choose one of {', '.join(WAYS)}")
+    require(by is None or by in WAYS, f"calibrate: by {shown(by)} is unknown: choose one of {', '.join(WAYS)}")
     given = [Path(path) for path in paths("frames", frames)]
     require(bool(given), "calibrate: give at least one frame")
     require(time is None or len(given) == 1, "calibrate: --time is the time of one frame; several tell theirs by name")
@@ -106,6 +109,7 @@ def calibrate(
     return Calibration(content, body, fit, cannot)
 
 
+@takes
 def check(
     camera: CameraFile, frame: str | os.PathLike[str], time: Time = None, height_m: float = 0.0
 ) -> tuple[int, float]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from openswim.arguments import shown
 from openswim.cameras.files import FrameSettings
 from openswim.errors import UserError
 
@@ -91,7 +92,7 @@ def _by_pattern(path: Path, pattern: str, option: str) -> datetime:
     twice = len(set(directives)) < len(directives)
     if twice or not set(directives) <= set(_DIRECTIVES) or not {"%Y", "%y"} & set(directives):
         raise UserError(
-            f"time pattern {pattern!r}: takes {' '.join(_DIRECTIVES)}, each once, a year among them, such as "
+            f"time pattern {shown(pattern)}: takes {' '.join(_DIRECTIVES)}, each once, a year among them, such as "
             "%d%m%y_%H%M%S"
         )
     expression = "".join(_DIRECTIVES[part] if i % 2 else re.escape(part) for i, part in enumerate(parts))
@@ -100,7 +101,7 @@ def _by_pattern(path: Path, pattern: str, option: str) -> datetime:
             return datetime.strptime(found[1], pattern)
         except ValueError:
             continue
-    raise UserError(f"{path}: its name does not follow the time pattern {pattern!r}: give {option}another pattern")
+    raise UserError(f"{path}: its name does not follow the time pattern {shown(pattern)}: give {option}another pattern")
 
 
 def _hours(said: re.Match[str]) -> float:
@@ -116,7 +117,7 @@ def _of_fits(path: Path, header: dict[str, Any], option: str) -> np.datetime64:
     try:
         start = datetime.fromisoformat(text.strip())
     except ValueError:
-        raise UserError(f"{path}: FITS DATE-OBS {text!r} is no time: give {option}a header that has one") from None
+        raise UserError(f"{path}: FITS DATE-OBS {shown(text)} is no time: give {option}a header that has one") from None
     return _utc(path, start, 0.0, header.get("EXPTIME", header.get("EXPOSURE")))
 
 
@@ -128,7 +129,7 @@ def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None, option: s
         if zone and offset_h is None:
             start = datetime.strptime(f"{text} {zone}", "%Y:%m:%d %H:%M:%S %z")
     except ValueError:
-        raise UserError(f"{path}: EXIF time {text!r} is none: give {option}{_NAME}") from None
+        raise UserError(f"{path}: EXIF time {shown(text)} is none: give {option}{_NAME}") from None
     return _utc(path, start, offset_h, exif.get("ExposureTime"))
 
 

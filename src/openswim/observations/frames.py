@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import check_kind
+from openswim.arguments import check_kind, shown
 from openswim.cameras.files import FrameSettings
 from openswim.cameras.picture_files import read_picture
 from openswim.errors import UserError
@@ -62,13 +62,14 @@ def read_frame(
     `alone`: whether it is a frame whose time could be given, which is then said where nothing tells it.
     """
     check_kind("frame", path, (str, os.PathLike), "give a file's name")
+    check_kind("settings", settings, (FrameSettings, type(None)), "give FrameSettings, or None")
     path, settings = Path(path), settings or FrameSettings()
     check_name(path)  # it will be written into pages and files
     picture = read_picture(path)
     if time is not None:
         stamp = parse_time(time)
         if stamp is None or np.isnat(stamp):
-            raise UserError(f"time {time!r} is none: write it as 2020-12-11T20:09:33 (UTC)")
+            raise UserError(f"time {shown(time)} is none: write it as 2020-12-11T20:09:33 (UTC)")
         when = FrameTime(stamp, "given")
     else:
         when = frame_time(path, picture.header, picture.exif, settings, alone)

@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.errors import one_line
 from openswim.observations.calibration import Calibration
 from openswim.observations.frames import read_frame
 from openswim.observations.lens_fit import residuals
@@ -32,7 +33,7 @@ def write_report(calibration: Calibration, path: str | os.PathLike[str], most_fr
     miss = residuals(chosen.optics, matched.direction, matched.place)
     zenith = np.degrees(np.arccos(np.clip(matched.direction[:, 2], -1, 1)))
     what = {"stars": "stars", "sun": "suns", "moon": "moons"}[calibration.by]
-    title = calibration.content.name or calibration.frames[0].path.stem
+    title = one_line(calibration.content.name or calibration.frames[0].path.stem)
     parts = [
         f"<h1>Camera: {escape(title)}</h1>",
         f"<p>{escape(_summary(calibration, what))}</p>",
@@ -55,7 +56,7 @@ def write_report(calibration: Calibration, path: str | os.PathLike[str], most_fr
         f"<title>{escape(title)}</title><style>{_STYLE}</style>" + "\n".join(parts) + "</html>\n"
     )  # fmt: skip
     with written_whole(path) as partial:
-        partial.write_text(page, "utf-8")
+        partial.write_text(page, "utf-8", "backslashreplace")
 
 
 def _summary(calibration: Calibration, what: str) -> str:
@@ -102,7 +103,7 @@ def _overlays(calibration: Calibration, fitted: F64, what: str, most: int) -> li
             f"distance ten times as long.{stars} Rings every 15 degrees of altitude."
         )
         out.append(f'<figure><img alt="overlay" src="data:image/jpeg;base64,{data}">'
-                   f"<figcaption>{escape(text)}</figcaption></figure>")  # fmt: skip
+                   f"<figcaption>{escape(one_line(text))}</figcaption></figure>")  # fmt: skip
     return out
 
 

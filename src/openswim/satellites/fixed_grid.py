@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import number, numbers
+from openswim.arguments import number, numbers, shown
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
@@ -45,7 +45,7 @@ class FixedGrid:
         for name in ("lon_0", "height_m", "semi_major_m", "semi_minor_m"):
             number(f"grid: {name}", getattr(self, name))
         if self.sweep not in ("x", "y"):
-            raise UserError(f"grid: sweep {self.sweep!r} must be 'x' or 'y'")
+            raise UserError(f"grid: sweep {shown(self.sweep)} must be 'x' or 'y'")
 
     @classmethod
     def of_cf(cls, x: ArrayLike, y: ArrayLike, mapping: Mapping[str, Any]) -> FixedGrid:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -31,6 +32,7 @@ def check_target(
     target = Path(path)
     check_kept(name, target, inputs)
     with _writable_beside(target, name):
+        _check_no_device(target, name)
         if _others_folder(target):
             raise UserError(f"{name} {target} is a folder, not a Zarr store; choose another name")
         if target.is_dir():
@@ -106,6 +108,14 @@ def _writable_beside(target: Path, name: str) -> Iterator[None]:
         ) from None
 
 
+def _check_no_device(target: Path, name: str) -> None:
+    """Raise UserError where a pipe, device or socket has this name, such as /dev/null: it would be gone."""
+    with suppress(OSError):
+        mode = target.lstat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)):
+            raise UserError(f"{name} {target}: is a pipe, device or socket, and would be replaced; choose another name")
+
+
 def _same(one: Path, other: Path) -> bool:
     """Whether two names stand for one file or folder, there or not yet."""
     try:
@@ -128,6 +138,7 @@ def written_whole(path: str | os.PathLike[str], own_folder: bool = False) -> Ite
     """
     check_name(path, "output")
     target = Path(path)
+    _check_no_device(target, "output")
     with ExitStack() as stack:
         try:
             if not own_folder and _others_folder(target):

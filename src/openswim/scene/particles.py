@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 
 ANGSTROM_EXPONENTS = (-10.0, 10.0)
@@ -18,7 +19,7 @@ RELATIVE_EXTINCTIONS = (1e-9, 1e9)
 def check_number(what: str, value: Any, low: float, high: float) -> None:
     """Raise UserError unless this is a number from `low` to `high`."""
     if not _within(value, low, high):
-        raise UserError(f"{what} must be a number within {low:g} to {high:g}, got {value!r}")
+        raise UserError(f"{what} must be a number within {low:g} to {high:g}, got {shown(value)}")
 
 
 def check_albedo(what: str, value: Any) -> None:
@@ -30,7 +31,7 @@ def check_albedo(what: str, value: Any) -> None:
 def check_spectrum(what: str, value: Any, low: float, high: float) -> None:
     """Raise UserError unless this is a mapping {wavelength_nm: number from `low` to `high`}."""
     if not isinstance(value, Mapping):
-        raise UserError(f"{what} must be {{wavelength_nm: value}}, got {value!r}")
+        raise UserError(f"{what} must be {{wavelength_nm: value}}, got {shown(value)}")
     for each in _checked(what, value).values():
         check_number(what, each, low, high)
 
@@ -60,7 +61,7 @@ def check_phase(what: str, value: Any) -> None:
     """Raise UserError unless this is a phase function, or a mapping of them."""
     for each in _checked(what, value).values() if isinstance(value, Mapping) else (value,):
         if not hasattr(each, "moments"):
-            raise UserError(f"{what} must be a phase function or {{wavelength_nm: phase function}}, got {each!r}")
+            raise UserError(f"{what} must be a phase function or {{wavelength_nm: phase function}}, got {shown(each)}")
 
 
 def _checked(what: str, value: Mapping[Any, Any]) -> Mapping[Any, Any]:

@@ -26,7 +26,7 @@ def parse_time(time: Time) -> np.datetime64 | None:
             stamp = stamp.astimezone(UTC).replace(tzinfo=None)
         return np.datetime64(stamp).astype("datetime64[ms]")
     except (ValueError, OverflowError, TypeError) as error:
-        raise UserError(f"time {time!r} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
+        raise UserError(f"time {shown(time)} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
 
 
 def since_1970_s(time: np.datetime64) -> float:

@@ -97,7 +97,7 @@ def outcomes(
 def jobs_of(jobs: int | None, threads: int = 1) -> int:
     """How many processes: one a core and so many threads, unless it is said."""
     if not 1 <= whole("threads", threads) <= MOST_JOBS:
-        raise UserError(f"threads {threads}: give 1 or more")
+        raise UserError(f"threads {threads}: give 1 to {MOST_JOBS}")
     if jobs is None:
         return max(1, cores() // threads)
     if not 1 <= whole("jobs", jobs) <= MOST_JOBS:

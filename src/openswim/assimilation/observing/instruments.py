@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import check_kind, number
+from openswim.arguments import check_kind, number, shown
 from openswim.assimilation.observing.quantities import Quantity
 from openswim.cameras import Camera
 from openswim.errors import UserError
@@ -82,7 +82,7 @@ def checked_points(irradiance: Sequence[Any]) -> F64:
     try:
         points = np.asarray(list(irradiance), float).reshape(-1, 2)
     except (TypeError, ValueError):
-        raise UserError(f"irradiance = {irradiance!r}: give a list of (latitude, longitude)") from None
+        raise UserError(f"irradiance = {shown(irradiance)}: give a list of (latitude, longitude)") from None
     if not np.isfinite(points).all():
         raise UserError("irradiance: places must be numbers")
     return points

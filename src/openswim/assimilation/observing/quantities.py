@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
@@ -32,7 +33,7 @@ class Quantity:
 
     def __post_init__(self) -> None:
         if self.name not in NAMES:
-            raise UserError(f"quantity {self.name!r} is unknown: choose one of {', '.join(NAMES)}")
+            raise UserError(f"quantity {shown(self.name)} is unknown: choose one of {', '.join(NAMES)}")
         if self.name == "ratio" and self.toa.size < 2:
             raise UserError("quantity ratio needs two wavelengths or more")
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from openswim.arguments import check_kind
+from openswim.arguments import check_kind, shown
 from openswim.errors import UserError
 from openswim.scene import Scene
 from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
@@ -57,7 +57,7 @@ def variable_of(name: str) -> Variable:
     known = [*ALIASES, *ALIASES.values(), "aerosol_factor", *(f"{s}_{k}" for s in HYDROMETEORS for k in _SIZES)]
     near = difflib.get_close_matches(name, known, n=1)
     remedy = f"did you mean {near[0]}?" if near else "such as cloud_liquid, albedo or extinction_cloud"
-    raise UserError(f"control {name!r} is unknown: {remedy}")
+    raise UserError(f"control {shown(name)} is unknown: {remedy}")
 
 
 def variables_of(scene: Scene, controls: Sequence[str]) -> tuple[Variable, ...]:

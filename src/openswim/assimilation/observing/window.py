@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from openswim.arguments import check_kind
+from openswim.arguments import check_kind, shown
 from openswim.assimilation.observing.carrying import Carrier, motion_of
 from openswim.assimilation.observing.controls import Controls, Fill
 from openswim.assimilation.observing.core import Images
@@ -121,5 +121,5 @@ def observe_window(
 def _time(given: Any) -> np.datetime64:
     time = parse_time(given)
     if time is None:
-        raise UserError(f"observe_window: {given!r} is no time, such as 2024-06-21T12:30")
+        raise UserError(f"observe_window: {shown(given)} is no time, such as 2024-06-21T12:30")
     return time

@@ -19,6 +19,7 @@ from openswim.comparison.report.pictures import (
     reprojected,
 )
 from openswim.comparison.report.plots import Plot
+from openswim.errors import one_line
 from openswim.scene.files import written_whole
 
 COLOURS = {"red": "#c8402a", "green": "#2f8f46", "blue": "#2866c4", "grey": "#555"}
@@ -28,7 +29,7 @@ _FILES = Path(__file__).parent
 
 def write_page(comparison: xr.Dataset, camera: Camera, path: str | os.PathLike[str]) -> None:
     """`camera`: of the comparison's pixels, that is, the frame's camera made as small."""
-    title = f"{comparison.attrs['frame']} beside {comparison.attrs['model']}"
+    title = one_line(f"{comparison.attrs['frame']} beside {comparison.attrs['model']}")
     time = np.datetime64(comparison.attrs["time"].rstrip("Z"))
     sun = comparison.attrs["sun_azimuth_deg"], comparison.attrs["sun_altitude_deg"]
     place = None  # of a camera in a flat scene, the scene's

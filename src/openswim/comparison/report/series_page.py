@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from openswim.comparison.report.page import COLOURS, document
 from openswim.comparison.report.pictures import data_uri
 from openswim.comparison.report.plots import Plot
+from openswim.errors import one_line
 from openswim.scene.files import written_whole
 
 F64 = NDArray[np.float64]
@@ -21,7 +22,7 @@ _STEPS_MIN = (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720, 1440)
 def write_series_page(series: xr.Dataset, path: str | os.PathLike[str]) -> None:
     """Of what `joined` returns."""
     times = series["time"].values
-    title = f"{len(times)} frames beside {series.attrs.get('model', 'a model')}"
+    title = one_line(f"{len(times)} frames beside {series.attrs.get('model', 'a model')}")
     body = [
         f"<h1>{escape(title)}</h1>",
         f"<p>{str(times[0])[:16].replace('T', ' ')} to {str(times[-1])[:16].replace('T', ' ')} UTC.</p>",
@@ -94,7 +95,7 @@ def _table(series: xr.Dataset) -> str:
         cells = ["&ndash;" if np.isnan(value) else f"{value:.3f}" for value in values]
         name = str(part["frame"].values)
         to = quote(f"{os.path.splitext(name)[0]}.html")  # a name may begin as "javascript:" does, or have # or %
-        link = f'<a href="{escape(to)}">{escape(name)}</a>'
+        link = f'<a href="{escape(to)}">{escape(one_line(name))}</a>'
         rows.append(f"<tr><td>{link}</td><td>{str(part['time'].values)[:19].replace('T', ' ')}</td>"
                     + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")  # fmt: skip
     head = "".join(f"<th>{name}</th>" for name in ("frame", "time, UTC", "r as stored", "r, response undone",

@@ -127,7 +127,7 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
     """The gas profile and background aerosol of the file; US standard unless it gives some or says "none"."""
     if "atmosphere" in data.attrs:
         if data.attrs["atmosphere"] != "none":
-            raise UserError(f'attribute atmosphere is {data.attrs["atmosphere"]!r}: "none", or leave it out')
+            raise UserError(f'attribute atmosphere is {shown(data.attrs["atmosphere"])}: "none", or leave it out')
         return None
     layers = [_layer(name, data[name].attrs) for name in _layer_names(data)]
     aerosol = layers or None

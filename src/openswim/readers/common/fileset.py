@@ -151,7 +151,7 @@ def values(path: Path, field: xr.DataArray, units: str) -> NDArray[np.float32]:
     factor = conversion(str(field.attrs.get("units", units) or units), units)
     if factor is None:
         given = shown(field.attrs.get("units"))
-        raise UserError(f"{path}: {field.name} is in {given}; it must be in {units!r}: convert it")
+        raise UserError(f"{path}: {field.name} is in {given}; it must be in {shown(units)}: convert it")
     with reading(path, "truncated or damaged: copy or download it again"):
         raw = np.asarray(field.values)
         if raw.dtype.kind not in "fiub":
@@ -240,7 +240,7 @@ def dates_of(path: Path, stamps: NDArray[Any], units: str, calendar: str) -> Tim
         return rounded(np.array(found, "datetime64[us]"))
     except (ValueError, OverflowError, TypeError, Warning) as error:
         raise UserError(
-            f"{path}: times in {units!r} ({calendar} calendar) are no dates: use the standard calendar"
+            f"{path}: times in {shown(units)} ({calendar} calendar) are no dates: use the standard calendar"
         ) from error
 
 
@@ -248,7 +248,7 @@ def _seconds_of(path: Path, units: str) -> float:
     word = (units.lower().split() or ["s"])[0]
     found = _SECONDS.get(word, _SECONDS.get(word.removesuffix("s")))
     if found is None:
-        raise UserError(f"{path}: elapsed times in {units!r}: give seconds, minutes, hours or days")
+        raise UserError(f"{path}: elapsed times in {shown(units)}: give seconds, minutes, hours or days")
     return found
 
 

@@ -32,14 +32,22 @@ def check_plain(path: Path, names: Iterable[str]) -> set[str]:
     with open_netcdf(path) as file:
         found = {name: file.variables[name] for name in names if name in file.variables}
         for name, variable in found.items():
-            if variable.dtype not in ("f4", "f8") or {"scale_factor", "add_offset"} & set(variable.ncattrs()):
+            plain = np.dtype(variable.dtype).newbyteorder("=") in (np.float32, np.float64)
+            if not plain or {"scale_factor", "add_offset"} & set(variable.ncattrs()):
                 raise UserError(f"{path}: {name} is packed, so that nothing can be written back: unpack it (ncpdq -U)")
+            if "least_significant_digit" in variable.ncattrs():  # netCDF4 would round all of it again
+                raise UserError(
+                    f"{path}: {name} has the attribute least_significant_digit, by which all of it would be rounded: "
+                    f"remove that (ncatted -a least_significant_digit,{name},d,,)"
+                )
     return set(found)
 
 
 def put(variable: Any, at: Any, before: F32, after: F32, order: Any = ...) -> None:
     """Write into a netCDF variable what was changed; the rest stays bit for bit, also where it is double precision."""
     moved = after != before
+    if not np.isfinite(after[moved]).all():
+        raise UserError(f"write-back: {variable.name} would not be finite: the analysis is none, nothing is written")
     whole = np.asarray(variable[at])
     found = whole[order]
     found[moved] = after[moved]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.readers.domain.mesh import Mesh
 from openswim.readers.grib.file import MAX_POINTS, Field, GRIBFile
@@ -89,7 +90,7 @@ def grid_of(file: GRIBFile, one: Field, notes: list[str]) -> GribGrid:
     kind = str(keys["gridType"])
     if kind not in NAMES:
         raise UserError(
-            f"{file.path}: grid of kind {kind!r} is not read: regrid it to latitude and longitude "
+            f"{file.path}: grid of kind {shown(kind)} is not read: regrid it to latitude and longitude "
             "(cdo, wgrib2 or the archive's own interpolation)"
         )
     counts = np.empty(0, np.int64)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.readers.gridded.reader import GriddedReader
 
@@ -117,7 +118,7 @@ def _navigation(path: Path, data: xr.Dataset) -> tuple[tuple[Any, Any], dict[str
         crs = CRS.from_proj4(f"+proj=longlat {sphere}")
         return (lo1 + dx * np.arange(nx), la1 + dy * np.arange(ny)), dict(crs.to_cf())
     else:
-        raise UserError(f"{path}: grid_type {kind!r} is not known: make it lambert, polar, mercator or latlon")
+        raise UserError(f"{path}: grid_type {shown(kind)} is not known: make it lambert, polar, mercator or latlon")
     if not (dx > 0 and dy > 0):
         raise UserError(f"{path}: Dx, Dy are {dx}, {dy}; they must be positive metres")
     x0, y0 = Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True).transform((lo1 + 180.0) % 360.0 - 180.0, la1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +53,9 @@ def put_increments(
     changed = _changed(scene, {name: raw[path][name] for name, path in held.items()}, own) if own else {}
     counts: dict[str, int] = {}
     targets = [out] if len(paths) == 1 else [out / path.name for path in paths]
-    for path, target in zip(paths, targets, strict=True):
-        with written_whole(target) as partial:
+    with ExitStack() as stack:  # all or none
+        for path, target in zip(paths, targets, strict=True):
+            partial = stack.enter_context(written_whole(target))
             shutil.copyfile(path, partial)
             mine = {name: values for name, values in changed.items() if held[name] == path}
             different = {name: int(np.count_nonzero(v != raw[path][name])) for name, v in mine.items()}

@@ -114,7 +114,7 @@ class WRFFile:
             )
         except ValueError as error:
             raise UserError(
-                f"{self.path}: Times holds {stamps[0]!r}, not dates like 2005-08-28_18:00:00: "
+                f"{self.path}: Times holds {shown(stamps[0])}, not dates like 2005-08-28_18:00:00: "
                 "damaged, or not a WRF file"
             ) from error
 

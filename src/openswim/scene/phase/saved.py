@@ -38,7 +38,7 @@ def _from_dict(saved: Mapping[str, Any]) -> PhaseFunction:
             return AerosolPhase(saved["name"], saved["wavelength_nm"])
         case unknown:
             known = "henyey_greenstein, mixture, albers_dhg, rayleigh, table, aerosol"
-            raise UserError(f"unknown phase function type {unknown!r}: choose one of {known}")
+            raise UserError(f"unknown phase function type {shown(unknown)}: choose one of {known}")
 
 
 def phases_from_dict(saved: Any) -> PhaseFunction | dict[float, PhaseFunction]:

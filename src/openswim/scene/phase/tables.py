@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.scene.phase.functions import PhaseFunction
 from openswim.tables import named_arrays
@@ -91,7 +92,7 @@ class AerosolPhase(TablePhase):
         tables = aerosol_tables() if name in TABULATED else model_tables()
         known = tables["wavelength_nm"]
         if f"{name}_log_value" not in tables or wavelength_nm not in known:
-            raise UserError(f"no aerosol table {name!r} at {wavelength_nm:g} nm")
+            raise UserError(f"no aerosol table {shown(name)} at {wavelength_nm:g} nm")
         self.name, self.wavelength_nm = name, float(wavelength_nm)
         row = tables[f"{name}_log_value"][int(np.argmax(known == wavelength_nm))]
         super().__init__(tables["angle_deg"], np.exp(row.astype(float)))
