@@ -90,6 +90,7 @@ outputs = ".tif"
     (HEAD, "no camera"),
     (HEAD + "colour = 1\n" + CAMERA, "unknown 'colour'"),
     (HEAD + CAMERA + CAMERA, "two [[camera]]"),
+    (HEAD + CAMERA + CAMERA.replace("roof", "Roof"), "two [[camera]]"),
     (HEAD + CAMERA.replace("roof", "../roof"), "letters"),
     (HEAD + CAMERA.replace('"roof"', "3"), "letters"),
     (HEAD + CAMERA.replace("roof", "x" * 65), "letters"),

@@ -4,10 +4,12 @@ from datetime import UTC, date, datetime, timedelta, timezone
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from openswim import Scene
 from openswim.errors import UserError
-from openswim.scene.times import interval_s, parse_time, rounded
+from openswim.readers.common.opening import opened
+from openswim.scene.times import interval_s, parse_time, rounded, with_signed_zone
 
 SPELLINGS = [
     "2024-06-01T12:00",
@@ -29,6 +31,35 @@ def test_one_time_in_every_spelling(time):
     assert found == np.datetime64("2024-06-01T12:00")
     assert found.dtype == "datetime64[ms]"
     assert Scene.clear(10.0, 20.0, time=time).time == found
+
+
+@pytest.mark.parametrize("text", ["2024-06-01 12.30", "20240601120", "2024-06-01x12:00", "2024-06-01T25:00", "noon"])
+def test_what_could_be_another_time_is_none(text):
+    with pytest.raises(UserError, match="is not understood"):
+        parse_time(text)
+
+
+def test_a_leap_second_ends_the_second_before():
+    assert parse_time("2016-12-31T23:59:60Z") == np.datetime64("2016-12-31T23:59:59.999")
+
+
+@pytest.mark.parametrize(
+    ("units", "begin"),
+    [
+        ("seconds since 2019-01-01 17:00:00 0:00", "2019-01-01T17:00"),
+        ("hours since 2019-01-01 17 00:00", "2019-01-01T17:00"),
+        ("hours since 2019-1-1 17:00:00.0 2:00", "2019-01-01T15:00"),
+        ("hours since 2019-01-01 17:00 -5:00", "2019-01-01T22:00"),
+        ("days since 2019-01-01 17:00", "2019-01-01T17:00"),
+    ],
+)
+def test_a_zone_without_a_sign_is_not_the_clock(units, begin, tmp_path):
+    """UDUNITS writes zones so; files are opened as they mean it."""
+    data = xr.Dataset({"time": ("time", [0.0], {"units": with_signed_zone(units)})})
+    assert xr.decode_cf(data).time.values[0] == np.datetime64(begin)
+    xr.Dataset({"when": ("n", [0.0], {"units": units})}).to_netcdf(tmp_path / "a.nc")
+    with opened(tmp_path / "a.nc") as file:
+        assert file.when.values[0] == np.datetime64(begin)
 
 
 def test_lengths_of_time_have_units():

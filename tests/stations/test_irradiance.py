@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import openswim
 from openswim.errors import UserError
@@ -202,3 +203,20 @@ def test_all_times_of_a_models_file_are_a_series(tmp_path):
     assert [(which, float(share[0])) for which, share in series.weights(quarter)] == [(0, 0.75), (1, 0.25)]
     vapour = series.scene(0).data.precipitable_water
     assert 0 < float(vapour.min()) < 80
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"lat": [[1.0], [2.0, 3.0]]}, "lat"),
+        ({"lat": [[1.0, 2.0]]}, "lat has shape"),
+        ({"lon": [1.0, 2.0]}, "lon"),
+        ({"times": [["2020-06-01T12:00"], ["2020-06-01T12:00", "2020-06-01T13:00"]]}, "times"),
+        ({"times": xr.Dataset({"a": ("t", [1.0])})}, "time"),
+        ({"lat": xr.Dataset({"a": ("t", [1.0])})}, "lat"),
+    ],
+)
+def test_places_and_times_of_a_wrong_kind_are_named(given, named):
+    wanted = {"lat": 47.0, "lon": 11.0, "times": "2020-06-01T12:00"} | given
+    with pytest.raises(UserError, match=named):
+        openswim.irradiance(Scene.clear(47.0, 11.0), **wanted)

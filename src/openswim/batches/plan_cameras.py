@@ -63,9 +63,10 @@ def planned_cameras(
             found.append(PlannedCamera(name, _camera(options, what, names), own))
         except UserError as error:
             raise UserError(str(error) if what in str(error) else f"{what}: {error}") from None
-    doubled = {each.name for each in found if [other.name for other in found].count(each.name) > 1}
+    names_of = [each.name.lower() for each in found]  # on some disks files differ by more than capitals
+    doubled = {each.name for each in found if names_of.count(each.name.lower()) > 1}
     if doubled:
-        raise UserError(f"two [[camera]] are called {min(doubled)}")
+        raise UserError(f"two [[camera]] are called {min(doubled)}: capitals do not tell names of files apart")
     return tuple(found)
 
 

@@ -13,20 +13,39 @@ from openswim.errors import UserError
 
 Time = str | np.datetime64 | date | None
 
+_STAMP = re.compile(  # Python would take any sign between day and hour, and 12.30 for a third of a second past twelve
+    r"\d{4}-?\d\d-?\d\d([T _-]\d\d(:?\d\d(:?\d\d([.,]\d+)?)?)?\s*(Z|[+-]\d\d(:?\d\d){0,2})?)?", re.IGNORECASE
+)
+_LEAP_SECOND = re.compile(r"(?<=59)(:?)60([.,]\d+)?")
+_ZONE = re.compile(r"(since\s+\d+-\d+-\d+[T\s]+\d\d?(?::\d\d?(?::\d\d?(?:\.\d*)?)?)?)\s+(\d\d?:\d\d)\s*$")
 _UNITS_S = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 
 
 def parse_time(time: Time) -> np.datetime64 | None:
-    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64."""
+    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64. Leap seconds,
+    which no clock of ours has, end the second before."""
     if time is None:
         return None
     try:
-        stamp = datetime.fromisoformat(time.strip().replace("_", "T")) if isinstance(time, str) else time
+        stamp = _of_text(time.strip()) if isinstance(time, str) else time
         if isinstance(stamp, datetime) and stamp.tzinfo is not None:
             stamp = stamp.astimezone(UTC).replace(tzinfo=None)
         return np.datetime64(stamp).astype("datetime64[ms]")
     except (ValueError, OverflowError, TypeError) as error:
         raise UserError(f"time {shown(time)} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
+
+
+def _of_text(text: str) -> datetime:
+    plain = _LEAP_SECOND.sub(r"\g<1>59.999", text)
+    if not _STAMP.fullmatch(plain):
+        raise ValueError("no such time")
+    return datetime.fromisoformat(plain.replace("_", "T"))
+
+
+def with_signed_zone(units: str) -> str:
+    """Units of times, such as "hours since 2019-01-01 17:00:00 0:00", with a sign before a zone that has none, which
+    pandas would take for the clock."""
+    return _ZONE.sub(r"\1 +\2", units)
 
 
 def since_1970_s(time: np.datetime64) -> float:

@@ -17,7 +17,7 @@ from openswim.optics.spheres import Sizes, SphereOptics, scattering_by_spheres
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.phase import PhaseFunction, TablePhase
 from openswim.scene.times import Time, parse_time
-from openswim.stations.text import PLACES, rows_of, told_of_end, told_of_lost, utc_of
+from openswim.stations.text import PLACES, rows_of, told_of_end, told_of_lost
 
 F64 = NDArray[np.float64]
 
@@ -330,7 +330,9 @@ def _stamp(path: Path, date: str, clock: str) -> np.datetime64:
         if found is None or hours is None:
             raise ValueError
         day, month, year = map(int, found.groups())
-        return utc_of(f"{year:04d}-{month:02d}-{day:02d}T{clock.strip()}")
+        time = parse_time(f"{year:04d}-{month:02d}-{day:02d}T{clock.strip()}")
+        assert time is not None
+        return time
     except (ValueError, UserError):
         raise UserError(f"{path}: {shown(date)} {shown(clock)} is no date and time") from None
 

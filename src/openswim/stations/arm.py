@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened
+from openswim.scene.times import with_signed_zone
 from openswim.stations.columns import of_light
 
 F64 = NDArray[np.float64]
@@ -28,7 +29,6 @@ _NAMES = {  # the first that is there and has values
 }
 _PLACE = {"latitude": "lat", "longitude": "lon", "height_m": "alt"}
 _STILL = 0.01  # degrees, or metres at sea: stations that move by more are ships
-_ZONE = re.compile(r"(\d:\d\d(?::\d\d(?:\.\d*)?)?)\s+[+-]?0?0:00\s*$")  # of UTC; pandas would take it for the clock
 _MASKS, _MEANINGS, _ASSESSMENTS = "flag_masks", "flag_meanings", "flag_assessments"
 
 
@@ -63,7 +63,7 @@ def _times(path: Path, file: xr.Dataset) -> NDArray[np.datetime64]:
             base = np.ravel(file["base_time"].values)[0]
             unit = f"seconds since {np.datetime64('1970-01-01T00:00:00') + np.timedelta64(int(base), 's')}"
         variable = variable.copy(deep=False)
-        variable.attrs["units"] = _ZONE.sub(r"\1", unit)
+        variable.attrs["units"] = with_signed_zone(unit)
         values = xr.decode_cf(xr.Dataset({"found": variable}), decode_timedelta=False)["found"].values
         if values.dtype.kind == "M":
             return values

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from openswim.arguments import number, shown
 from openswim.errors import UserError
+from openswim.scene.times import parse_time
 from openswim.stations.arm import read_arm
 from openswim.stations.checks import sun_of
 from openswim.stations.columns import check_names, columns_of
-from openswim.stations.text import PLACES, head_of, names_in, rows_of, text_of, told_of_end, told_of_lost, utc_of
+from openswim.stations.text import PLACES, head_of, names_in, rows_of, text_of, told_of_end, told_of_lost
 from openswim.system.inputs import check_ordinary, lines_of
 
 if TYPE_CHECKING:
@@ -293,7 +294,7 @@ def _table(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     utc = columns[next(name for name in header if name.lower() == "utc")]
     if blank := [row for row, text in enumerate(utc, 1) if not text.strip()]:
         raise UserError(f"{path}: row {blank[0]} has no time in utc: mend the file")
-    return _of_columns(columns, np.array([utc_of(text) for text in utc]), separator), _beside(path)
+    return _of_columns(columns, np.array([parse_time(text) for text in utc]), separator), _beside(path)
 
 
 def _names_and_rows(path: Path) -> tuple[str, list[str], list[list[str]]]:

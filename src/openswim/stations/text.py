@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import csv
 import os
-import re
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
-
-from openswim.arguments import shown
 from openswim.errors import UserError
-from openswim.scene.times import parse_time
 from openswim.system.inputs import lines_of
 
 PLACES = {"latitude": (-90.0, 90.0), "longitude": (-360.0, 360.0), "height_m": (-1000.0, 10_000.0)}
@@ -22,10 +17,6 @@ _MOST = 100_000_000  # characters, unpacked
 _COMMENT = "#"
 _HEAD = 100  # lines
 _FEW = 0.01  # share of the rows
-_STAMP = re.compile(  # Python would take any sign between day and hour, and 12.30 for a third of a second past twelve
-    r"\d{4}-?\d\d-?\d\d([T _-]\d\d(:?\d\d(:?\d\d([.,]\d+)?)?)?\s*(Z|[+-]\d\d(:?\d\d){0,2})?)?", re.IGNORECASE
-)
-_LEAP_SECOND = re.compile(r"(?<=59)(:?)60([.,]\d+)?")
 
 
 def text_of(path: Path, encoding: str = "utf-8-sig") -> str:
@@ -73,13 +64,3 @@ def told_of_end(path: Path) -> str:
         packed = file.read(2) == b"\x1f\x8b"
         file.seek(-1, os.SEEK_END)
         return "" if packed or file.read() in b"\r\n" else "its last line has no end: the file may have been cut there"
-
-
-def utc_of(text: str) -> np.datetime64:
-    """A time in a table. Leap seconds, which no clock of ours has, end the second before."""
-    plain = _LEAP_SECOND.sub(r"\g<1>59.999", text.strip())
-    if not _STAMP.fullmatch(plain):
-        raise UserError(f"time {shown(text)} is not understood: write it as 2005-08-28T18:00 (UTC)")
-    time = parse_time(plain)
-    assert time is not None
-    return time

@@ -68,10 +68,11 @@ def irradiance(
     """
     series, stamps, tilted = Series.of(scene), _stamps(times), Planes.of(planes) if len(planes) else HORIZONTAL
     wavelengths = np.atleast_1d(numbers("wavelengths_nm", wavelengths_nm).astype(float))
-    several = np.ndim(lat) > 0 or np.ndim(lon) > 0
-    latitudes, longitudes = (np.atleast_1d(numbers(n, v).astype(float)) for n, v in (("lat", lat), ("lon", lon)))
+    where = [numbers(name, value).astype(float) for name, value in (("lat", lat), ("lon", lon))]
+    several = any(each.ndim for each in where)
+    latitudes, longitudes = map(np.atleast_1d, where)
     if latitudes.ndim > 1 or latitudes.shape != longitudes.shape:
-        raise UserError(f"lat has shape {np.shape(lat)} and lon {np.shape(lon)}: give as many of each, in a row")
+        raise UserError(f"lat has shape {latitudes.shape} and lon {longitudes.shape}: give as many of each, in a row")
     vapour = None if water_vapour_cm is None else numbers("water_vapour_cm", water_vapour_cm).astype(float)
     if vapour is not None and vapour.shape not in ((), stamps.shape):
         raise UserError(f"water_vapour_cm has shape {vapour.shape}: give one number, or one per time")
@@ -153,14 +154,18 @@ class _Sums:
 
 
 def _stamps(times: Any) -> NDArray[np.datetime64]:
-    array = np.asarray(times)
+    remedy = "times: give one time, or a list of times (UTC), such as 2016-06-23T12:00"
+    try:
+        array = np.asarray(times)
+    except (ValueError, TypeError):  # lists of several lengths, data of several kinds
+        raise UserError(remedy) from None
     if array.dtype.kind == "M":
         stamps = np.atleast_1d(array).astype("datetime64[ms]")
     else:
         listed = [times] if array.ndim == 0 else list(times)
         stamps = np.array([parse_time(each) for each in listed], "datetime64[ms]")
     if stamps.ndim != 1 or not stamps.size or np.isnat(stamps).any():
-        raise UserError("times: give one time, or a list of times (UTC), such as 2016-06-23T12:00")
+        raise UserError(remedy)
     return stamps
 
 

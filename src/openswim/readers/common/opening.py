@@ -18,6 +18,7 @@ from openswim.readers.common.bounds import check_group, may_point_anywhere
 from openswim.readers.common.kept import leave, take
 from openswim.readers.common.references import LEFT_OUT, is_references, is_remote, references
 from openswim.scene.files import ZARR_MARKS
+from openswim.scene.times import with_signed_zone
 
 
 @contextmanager
@@ -54,7 +55,10 @@ def _dated(path: Path, data: xr.Dataset) -> xr.Dataset:
     """With times as datetime64."""
     clocks = [name for name, variable in data.variables.items() if "since" in str(variable.attrs.get("units", ""))]
     with _opening(path):
-        decoded = xr.decode_cf(xr.Dataset({name: data.variables[name] for name in clocks}), mask_and_scale=False,
+        own = {name: data.variables[name].copy(deep=False) for name in clocks}
+        for variable in own.values():
+            variable.attrs["units"] = with_signed_zone(str(variable.attrs["units"]))
+        decoded = xr.decode_cf(xr.Dataset(own), mask_and_scale=False,
                                concat_characters=False, decode_timedelta=False)  # fmt: skip
         return data.assign(decoded.variables)
 
