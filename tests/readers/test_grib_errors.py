@@ -271,3 +271,12 @@ def test_a_forecast_for_longer_than_weather_is_told(tmp_path, edition, hours, to
         one.keys = {"stepRange" if edition == 1 else "forecastTime": hours}
     notes = [note for note in open_scene(gf.write(tmp_path / "file", product)).notes if "after its analysis" in note]
     assert notes == ([f"valid {told} days after its analysis: is that what the file means?"] if told else [])
+
+
+@pytest.mark.parametrize(("unit", "count"), [(255, 0), (3, 2**31 - 1), (2, 2**31 - 1)])
+def test_forecasts_for_ages_are_refused_before_their_days_are_counted(tmp_path, unit, count):
+    """eccodes counts them one by one, for minutes, or without end."""
+    product = gf.on_pressure(gf.AROME, edition=2)
+    product.messages[0].keys = {"indicatorOfUnitOfTimeRange": unit, "forecastTime": count}
+    with pytest.raises(UserError, match=f"message 1 is a forecast of {count} times unit {unit}: damaged"):
+        open_scene(gf.write(tmp_path / "file", product))

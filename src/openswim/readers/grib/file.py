@@ -34,6 +34,8 @@ _LEVELS = {  # ecCodes' level types: (ours, factor)
     "atmosphereSingleLayer": ("column", 1.0),
     "atmosphere": ("column", 1.0),
 }
+_NO_UNIT, _LONGEST_DAYS = 255, 73_000.0
+_COUNTED_DAYS = {2: 1.0, 3: 30.0, 4: 365.0, 5: 3650.0, 6: 10_950.0, 7: 36_500.0, 12: 0.5}  # units by code table 4.4
 _SPECTRAL = ("sh", "rotated_sh", "stretched_sh", "stretched_rotated_sh")
 
 
@@ -257,6 +259,11 @@ class GRIBFile:
         return 530e-9 <= ends[0] <= 570e-9 and ends[1] <= 590e-9
 
     def _valid(self, number: int, handle: Any) -> np.datetime64:
+        # eccodes counts on day by day, without end where the unit is none or the forecast one for ages
+        unit, count = (self._key(handle, name, int) for name in ("indicatorOfUnitOfTimeRange", "forecastTime"))
+        if unit == _NO_UNIT or (count or 0) * _COUNTED_DAYS.get(unit, 0.0) > _LONGEST_DAYS:
+            raise Damaged(f"{self.path}: message {number} is a forecast of {count} times unit {unit}: damaged: "
+                          "download it again")  # fmt: skip
         date, clock = self._key(handle, "validityDate"), self._key(handle, "validityTime")
         try:
             day = f"{int(date):08d}"
