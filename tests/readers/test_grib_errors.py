@@ -280,3 +280,12 @@ def test_forecasts_for_ages_are_refused_before_their_days_are_counted(tmp_path, 
     product.messages[0].keys = {"indicatorOfUnitOfTimeRange": unit, "forecastTime": count}
     with pytest.raises(UserError, match=f"message 1 is a forecast of {count} times unit {unit}: damaged"):
         open_scene(gf.write(tmp_path / "file", product))
+
+
+@pytest.mark.parametrize("edition", [1, 2])
+def test_an_hour_that_no_day_has_is_refused(tmp_path, edition):
+    product = gf.on_pressure(gf.AROME, edition=edition)
+    for one in product.messages:
+        one.keys = {"dataTime": 2500}
+    with pytest.raises(UserError, match="message 1 begins at 2500"):
+        open_scene(gf.write(tmp_path / "file", product))

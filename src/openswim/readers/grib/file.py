@@ -264,6 +264,10 @@ class GRIBFile:
         if unit == _NO_UNIT or (count or 0) * _COUNTED_DAYS.get(unit, 0.0) > _LONGEST_DAYS:
             raise Damaged(f"{self.path}: message {number} is a forecast of {count} times unit {unit}: damaged: "
                           "download it again")  # fmt: skip
+        begun = int(self._key(handle, "dataTime", int) or 0)
+        if not (0 <= begun < 2400 and begun % 100 < 60):  # eccodes would count on into the next day
+            raise Damaged(f"{self.path}: message {number} begins at {begun:04d} (hours and minutes), which is no time: "
+                          "damaged: download it again")  # fmt: skip
         date, clock = self._key(handle, "validityDate"), self._key(handle, "validityTime")
         try:
             day = f"{int(date):08d}"
