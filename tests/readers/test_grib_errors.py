@@ -282,6 +282,13 @@ def test_forecasts_for_ages_are_refused_before_their_days_are_counted(tmp_path, 
         open_scene(gf.write(tmp_path / "file", product))
 
 
+def test_an_analysis_of_edition_1_needs_no_unit(tmp_path):
+    product = gf.on_pressure(gf.AROME, edition=1)
+    for one in product.messages:
+        one.keys = {"indicatorOfUnitOfTimeRange": 255}
+    assert open_scene(gf.write(tmp_path / "file", product)).time == np.datetime64("2024-06-21T12:00")
+
+
 @pytest.mark.parametrize("edition", [1, 2])
 def test_an_hour_that_no_day_has_is_refused(tmp_path, edition):
     product = gf.on_pressure(gf.AROME, edition=edition)

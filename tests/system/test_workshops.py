@@ -188,5 +188,9 @@ def test_pipes_and_devices_are_not_replaced(tmp_path: Path) -> None:
         check_target(pipe, name="--observations")
     with pytest.raises(UserError, match="pipe, device or socket"), written_whole(pipe):
         pass
+    link = tmp_path / "link.nc"  # as /dev/stdout is one
+    link.symlink_to(pipe)
+    with pytest.raises(UserError, match="pipe, device or socket"):
+        check_target(link)
     assert stat.S_ISFIFO(pipe.lstat().st_mode)
-    assert list(tmp_path.iterdir()) == [pipe]
+    assert sorted(tmp_path.iterdir()) == [link, pipe]

@@ -294,3 +294,20 @@ def test_water_on_the_slopes_of_a_coarse_grid_is_level_to_reference(monkeypatch:
     light = valley_lake(0.0)(Solver("reference", paths=60, seed=1))
     assert light.max() < 0.66
     assert light.mean() == pytest.approx(0.2, rel=0.2)  # as by `fast`; means of six seeds: .167 to .195
+
+
+@pytest.mark.parametrize(("width_deg", "rows"), [(0.0, 16), (0.01, 16), (0.1, 4), (1.0, 3)])
+def test_what_is_mirrored_has_no_more_rows_than_pixels(width_deg: float, rows: int) -> None:
+    """A sea .2 degrees high, far away."""
+    altitude = np.radians(-np.linspace(1.0, 1.2, 50))
+    azimuth = np.linspace(-0.2, 0.2, 50)
+    toward = np.stack([np.cos(altitude) * np.sin(azimuth), np.cos(altitude) * np.cos(azimuth), np.sin(altitude)], -1)
+    eye = np.array([0.0, 0.0, 100.0])
+    wet = WetRays(eye + toward * (100.0 / -toward[:, 2:]), toward, 0.02, width_rad=float(np.radians(width_deg)))
+
+    def look(origin, direction, image):
+        return np.ones((len(origin), PACK), FLOAT), np.full(len(origin), -1.0)
+
+    made = Mirrored.of(look, None, 6.371e6, eye, wet)
+    assert made.altitude.size == rows
+    np.testing.assert_allclose(made.along(toward), 1.0, rtol=1e-5)

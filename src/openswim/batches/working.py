@@ -152,7 +152,7 @@ def _image(plan: Plan, camera: PlannedCamera, lit: LitScene) -> xr.Dataset:
     viewpoint = lit.viewpoint(camera.camera)
     if plan.ensemble is not None:
         return with_cloud_depth(viewpoint)
-    looked_at = only_looked_at([f"_{suffix}" for suffix in camera.suffixes], dict(plan.look).get("bits", 8))
+    looked_at = only_looked_at(camera.suffixes, dict(plan.look).get("bits", 8))
     return viewpoint.view(sparse=LOOKED_AT if looked_at else 0.0)
 
 

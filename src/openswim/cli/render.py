@@ -136,7 +136,8 @@ def run(request: RenderRequest) -> None:
         scene = scene.alone()
     chosen: dict[str, Any] = {} if request.wavelengths is None else {"wavelengths_nm": wavelengths}
     chosen |= {"layers": True} if request.layers else {}
-    chosen |= {"sparse": LOOKED_AT} if only_looked_at(request.outputs, int(request.bits)) else {}
+    looked_at = only_looked_at((output.suffix for output in request.outputs), int(request.bits))
+    chosen |= {"sparse": LOOKED_AT} if looked_at else {}
     start = time.perf_counter()
     image = openswim.render(scene, camera, solver=solver, **sun | chosen)
     report(image)

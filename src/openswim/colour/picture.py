@@ -47,9 +47,9 @@ def check_writable(
         check_ours(other, BESIDE[other.suffix], f"move it away, or give {path.name} another name")
 
 
-def only_looked_at(outputs: Iterable[str | os.PathLike[str]], bits: int) -> bool:
-    """Whether files are all pictures of 8 bits a colour, whose light nobody measures."""
-    return bits == 8 and all(Path(output).suffix.lower() in PICTURES for output in outputs)
+def only_looked_at(suffixes: Iterable[str], bits: int) -> bool:
+    """Whether files of these suffixes are all pictures of 8 bits a colour, whose light nobody measures."""
+    return bits == 8 and all(suffix.lower() in PICTURES for suffix in suffixes)
 
 
 def save(

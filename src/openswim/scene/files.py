@@ -109,10 +109,10 @@ def _writable_beside(target: Path, name: str) -> Iterator[None]:
 
 
 def _check_no_device(target: Path, name: str) -> None:
-    """Raise UserError where a pipe, device or socket has this name, such as /dev/null: it would be gone."""
+    """Raise UserError where a name leads to a pipe, device or socket, such as /dev/stdout: it would be gone."""
     with suppress(OSError):
-        mode = target.lstat().st_mode
-        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISLNK(mode)):
+        mode = target.stat().st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
             raise UserError(f"{name} {target}: is a pipe, device or socket, and would be replaced; choose another name")
 
 

@@ -221,7 +221,7 @@ class GRIBFile:
                 meaning=meaning,
                 kind=kind,
                 level=factor * float(self._key(handle, "level", float) or 0.0),
-                valid=self._valid(number, handle),
+                valid=self._valid(number, handle, sections.edition),
                 instant=step == "instant",
                 member=int(self._key(handle, "number") or 0),
                 grid=grid,
@@ -258,10 +258,10 @@ class GRIBFile:
             ends.append(float(value) * 10.0 ** -float(scale))
         return 530e-9 <= ends[0] <= 570e-9 and ends[1] <= 590e-9
 
-    def _valid(self, number: int, handle: Any) -> np.datetime64:
+    def _valid(self, number: int, handle: Any, edition: int) -> np.datetime64:
         # eccodes counts on day by day, without end where the unit is none or the forecast one for ages
         unit, count = (self._key(handle, name, int) for name in ("indicatorOfUnitOfTimeRange", "forecastTime"))
-        if unit == _NO_UNIT or (count or 0) * _COUNTED_DAYS.get(unit, 0.0) > _LONGEST_DAYS:
+        if (unit == _NO_UNIT and edition == 2) or (count or 0) * _COUNTED_DAYS.get(unit, 0.0) > _LONGEST_DAYS:
             raise Damaged(f"{self.path}: message {number} is a forecast of {count} times unit {unit}: damaged: "
                           "download it again")  # fmt: skip
         begun = int(self._key(handle, "dataTime", int) or 0)
