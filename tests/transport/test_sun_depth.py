@@ -211,6 +211,19 @@ def test_where_the_earth_bends_neighbours_see_their_own_suns(
         assert abs(depth - own).mean() < mean * own.mean()
 
 
+@pytest.mark.parametrize("exact", [True, False])
+def test_no_depth_is_negative_beside_steep_clouds(exact: bool) -> None:
+    """Between nodes that see slightly different suns, steep fields are not continued below nothing."""
+    rng = np.random.default_rng(7)
+    nz, ny, nx, cell, radius = 24, 9, 48, (1000.0, 1000.0, 24.0), 6.371e6
+    field = np.where(rng.random((nz, ny, nx)) < 0.05, 0.02, 0.0)
+    altitude = np.radians(0.2) + (np.arange(nx) - 24) * cell[0] / radius
+    suns = np.stack([0.8 * np.cos(altitude), 0.6 * np.cos(altitude), np.sin(altitude)], axis=-1)
+    depth = depth_to_sun(field, np.broadcast_to(suns, (ny, nx, 3)), cell, False, exact, radius)
+    assert depth.max() > 10
+    assert depth.min() >= 0
+
+
 @pytest.mark.parametrize("altitude_deg", [0.0, -0.001, -0.05, -0.25])
 def test_what_is_left_of_a_sun_under_a_flat_horizon_comes_level(altitude_deg: float) -> None:
     """To the sides of an open block, which is as dark as by a sun on the horizon."""

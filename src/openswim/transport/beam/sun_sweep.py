@@ -74,7 +74,7 @@ def _within(x, least, most, count, periodic):
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
     """LANES nodes of field n of (fields, nz, ny, nodes and what lies beyond), from fractional (x, y) on, bilinear, each
-    a little aside."""
+    a little aside: where that is beyond the next node, a steep field would go on below zero."""
     width = grid.shape[3]
     j = min(int(y), ny - 1)
     i = min(math.floor(x), nx)
@@ -87,7 +87,8 @@ def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
     low += a * (read_quadruple(grid, at + 1) - low)
     high = read_quadruple(grid, at + up)
     high += a * (read_quadruple(grid, at + up + 1) - high)
-    return low + b * (high - low)
+    value = low + b * (high - low)
+    return choose_above(value, _ZERO, value, _ZERO)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)

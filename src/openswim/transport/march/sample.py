@@ -115,9 +115,11 @@ def sun_table_coordinate(mu, mu_horizon, count):
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
 def _peak_place(depth, count):
-    """Row and share of the next of a peak table at forward optical depths: axis depth/(1 + depth)."""
+    """Row and share of the next of a peak table at forward optical depths: axis depth/(1 + depth). As sums of few
+    mixtures' these may come out below zero."""
     last = FLOAT(count - 1)
-    p = depth / (_ONE + depth) * last
+    met = choose_above(depth, _ZERO, depth, _ZERO)
+    p = met / (_ONE + met) * last
     q = whole(choose_above(p, last - _ONE, last - _ONE, p))
     return q, p - q
 
