@@ -44,9 +44,9 @@ def make(folder: Path, frames: int, size: int) -> tuple[list[Path], Path]:
 
 
 def moved(scene: Scene, cells: int, when: np.datetime64) -> Scene:
-    """The weather so many cells further east, at a time."""
-    data = scene.data.roll(x=cells, roll_coords=False) if "x" in scene.data.dims else scene.data
-    return replace(scene, data=data, time=when)
+    """The clouds so many cells further east, at a time; the land stays under the camera."""
+    clouds = scene.data[[name for name in scene.data if str(name).startswith(("liquid_", "ice_"))]]
+    return replace(scene, data=scene.data.assign(clouds.roll(x=cells, roll_coords=False)), time=when)
 
 
 def main() -> None:

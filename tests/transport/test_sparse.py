@@ -1,4 +1,4 @@
-"""Pictures by fewer rays: what is between neighbours that see the same, and what must be looked at."""
+"""Pictures by fewer rays: what goes on straight between neighbours, and what must be looked at."""
 
 from __future__ import annotations
 
@@ -48,16 +48,24 @@ class World:
         return self.march(0 * self.direction, self.direction, self.ends.ravel(), None)
 
 
-def _gentle() -> tuple[F64, F64, F64]:
+def _gentle(on_land: bool = True) -> tuple[F64, F64, F64]:
+    """Light and depth that change evenly along rows and columns; of rays to land, per metre of ways that do not."""
     j, i = np.mgrid[:ROWS, :COLUMNS]
-    return 1 + 1e-3 * j - 2e-3 * i, 0.5 + 1e-3 * i, 1000.0 + 2 * j + i
+    light, depth = 1 + 4e-3 * j - 8e-3 * i, 0.5 + 1e-3 * i
+    if not on_land:
+        return light, np.exp(-depth), np.full(light.shape, FAR_M)
+    km = 1 + 0.005 * (j - 20) ** 2 + 0.003 * i + 0.1 * np.random.default_rng(1).random(light.shape)
+    return light * km, np.exp(-depth * km), 1000.0 * km
 
 
-def test_a_slope_of_light_needs_a_quarter_of_the_rays() -> None:
-    world = World(*_gentle())
+@pytest.mark.parametrize("on_land", [True, False])
+def test_even_slopes_of_light_need_a_sixteenth_of_the_rays(on_land: bool) -> None:
+    world = World(*_gentle(on_land))
     found = world.seen()
     assert sorted(world.marched) == sorted(set(world.marched))
-    assert len(world.marched) == ((ROWS + 1) // 2) * ((COLUMNS + 1) // 2) + ROWS // 2 + COLUMNS // 2  # last row, column
+    nodes = (ROWS // 4 + 1) * (COLUMNS // 4 + 1)
+    ends = ROWS - ROWS // 4 + COLUMNS - COLUMNS // 4  # of rows and of columns, which are in no block
+    assert nodes <= len(world.marched) <= nodes + ends
     exact = world.exact()
     for name in ("radiance", "through", "full", "distance", "depth", "level"):
         np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=2e-5, atol=1e-6)
@@ -65,14 +73,14 @@ def test_a_slope_of_light_needs_a_quarter_of_the_rays() -> None:
 
 @pytest.mark.parametrize("what", ["light", "haze", "ridge", "sky"])
 def test_what_differs_at_a_corner_or_ends_between_is_marched(what: str) -> None:
-    light, through, ends = _gentle()
+    light, through, ends = _gentle(what in ("ridge", "sky"))
     edge = np.mgrid[:ROWS, :COLUMNS][1] > 30
     if what == "light":
         light[edge] *= 1.1
     elif what == "haze":
         through[edge] *= 1.1
     elif what == "ridge":
-        ends[20, 31] = 700.0  # seen by one ray alone, between corners
+        ends[20, 31] = 500.0  # seen by one ray alone, between corners
     else:
         ends[20, 31] = FAR_M
     world = World(light, through, ends)
@@ -83,7 +91,7 @@ def test_what_differs_at_a_corner_or_ends_between_is_marched(what: str) -> None:
 
 
 def test_a_picture_with_holes_sees_every_ray_once() -> None:
-    light, through, ends = _gentle()
+    light, through, ends = _gentle(on_land=False)
     world = World(light, through, ends)
     j, i = np.mgrid[:ROWS, :COLUMNS]
     inside = np.hypot(j - 20, i - 30) < 20
@@ -91,13 +99,13 @@ def test_a_picture_with_holes_sees_every_ray_once() -> None:
     image = np.where(inside, np.cumsum(inside).reshape(inside.shape) - 1, -1)
     found = sparse.march(world.march, 0 * world.direction, world.direction, ends[inside], None, image, ALIKE)
     np.testing.assert_allclose(found.radiance[:, 0], light[inside], rtol=1e-5)
-    assert len(world.marched) == len(set(world.marched)) < 0.45 * inside.sum()
+    assert len(world.marched) == len(set(world.marched)) < 0.3 * inside.sum()
     assert found.samples == len(world.marched)
 
 
-@pytest.mark.parametrize(("alike", "told", "rms", "most"), [(0.02, 0.35, 4.4e-4, 4.3e-3), (0.1, 0.6, 5.4e-4, 4.7e-3)])
+@pytest.mark.parametrize(("alike", "told", "rms", "most"), [(0.005, 0.6, 5.2e-4, 3.9e-3), (0.1, 0.8, 9.6e-4, 5.4e-3)])
 def test_skies_by_fewer_rays_are_those_by_all(alike: float, told: float, rms: float, most: float) -> None:
-    """Cloud, haze and land of the demo: nearly half of the pixels are told by those around, or more."""
+    """Cloud, haze and land of the demo: most of the pixels are told by those around."""
     lit = openswim.light(demo_scene(64, 64, 20), Solver(tolerance=0.3))
     place = {"height_m": 1500.0, "azimuth_deg": 300.0, "altitude_deg": 10.0}
     eye = lit.viewpoint(Camera.perspective(*lit.scene.place, fov_deg=10, size=(90, 160), **place))

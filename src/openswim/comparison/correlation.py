@@ -8,61 +8,65 @@ from numpy.typing import NDArray
 from openswim.comparison.tiles import NO_PIXEL, Interval, Tiles
 
 F64 = NDArray[np.float64]
-_FLAT = "a picture has no contrast"
+_NO_CONTRAST = "a picture has no contrast"
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """A picture that others are correlated with, and what all of them share: for each channel its light less the mean
-    (n,), and sums (m,) over the tiles of w, w y and w y^2; `level`: w times the mean squared."""
+    """A picture that others are correlated with, and what all of them share, in the order of the tiles: the weights
+    (n,), for each channel its light less the mean (channels, n), and sums over the tiles (m,) of w and (channels, m) of
+    w y and w y^2; `flat` (channels,): what has no contrast."""
 
-    weight: F64
     tiles: Tiles
-    light: tuple[F64, ...]
-    sums: tuple[tuple[F64, F64, F64], ...]
-    level: tuple[float, ...]
+    weight: F64
+    light: F64
+    w: F64
+    wy: F64
+    wyy: F64
+    flat: NDArray[np.bool_]
 
     @classmethod
     def of(cls, y: F64, weight: F64, tiles: Tiles) -> "Truth":
         """Of light (n, channels), weights (n,) and the tiles of these pixels."""
+        channels = y.shape[1]
         if not weight.size:
-            return cls(weight, tiles, tuple(y.T), (), ())
-        whole = tiles.sum(weight)
-        light, sums, level = [], [], []
-        for part in y.T:
-            centred, mean = _centred(part, weight)
-            light.append(centred)
-            weighted = weight * centred
-            sums.append((whole, tiles.sum(weighted), tiles.sum(weighted * centred)))
-            level.append(float(whole.sum() * mean**2))
-        return cls(weight, tiles, tuple(light), tuple(sums), tuple(level))
+            none = np.empty((channels, 0))
+            return cls(tiles, weight, none, np.empty(0), none, none, np.ones(channels, bool))
+        weight = tiles.sorted(weight)
+        light, mean = _centred(tiles.sorted(y), weight)
+        weighted = weight * light
+        w, wy, wyy = (tiles.sums_of_sorted(each) for each in (weight, weighted, weighted * light))
+        return cls(tiles, weight, light, w, wy, wyy, _flat(wyy, w, mean))
 
     def correlations(self, x: F64) -> list[Interval]:
         """r of each channel of another picture (n, channels) with this one, and last their mean."""
         channels = len(self.light)
         if not self.weight.size:
             return [Interval(np.nan, reason=NO_PIXEL)] * (channels + 1)
-        parts = []
-        for part, y, (w, wy, wyy), level in zip(x.T, self.light, self.sums, self.level, strict=True):
-            centred, mean = _centred(part, self.weight)
-            weighted = self.weight * centred
-            wx, wxx, wxy = (self.tiles.sum(each) for each in (weighted, weighted * centred, weighted * y))
-            if wxx.sum() <= 1e-24 * w.sum() * mean**2 or wyy.sum() <= 1e-24 * level:  # what is left of rounding
-                wx, wxx, wxy, wy, wyy = (np.zeros_like(w),) * 5
-            parts.append(np.stack([w, wx, wy, wxx, wyy, wxy], axis=-1))
+        light, mean = _centred(self.tiles.sorted(x), self.weight)
+        weighted = self.weight * light
+        products = (weighted, weighted * light, weighted * self.light)
+        wx, wxx, wxy = (self.tiles.sums_of_sorted(each) for each in products)
+        flat = (self.flat | _flat(wxx, self.w, mean))[:, None]
+        wx, wxx, wxy, wy, wyy = (np.where(flat, 0.0, each) for each in (wx, wxx, wxy, self.wy, self.wyy))
+        parts = np.stack([np.broadcast_to(self.w, wx.shape), wx, wy, wxx, wyy, wxy], axis=-1)
 
         def each(sums: F64) -> F64:
             found = [pearson(part) for part in np.split(sums, channels, axis=-1)]
             return np.stack([*found, np.mean(found, axis=0)])
 
-        return self.tiles.intervals_of_sums(np.concatenate(parts, axis=-1), each, (-1.0, 1.0), _FLAT)
+        return self.tiles.intervals_of_sums(np.concatenate(parts, axis=-1), each, (-1.0, 1.0), _NO_CONTRAST)
 
 
-def _centred(light: F64, weight: F64) -> tuple[F64, float]:
-    """Light (n,) about its mean, so that nothing is lost to rounding, and the mean."""
-    light = np.ascontiguousarray(light)
-    mean = float((weight * light).sum() / weight.sum())  # the bits of @ depend on threads
-    return light - mean, mean
+def _centred(light: F64, weight: F64) -> tuple[F64, F64]:
+    """Light (channels, n) about its means, so that nothing is lost to rounding, and the means (channels,)."""
+    mean = (weight * light).sum(axis=-1) / weight.sum()  # the bits of @ depend on threads
+    return light - mean[:, None], mean
+
+
+def _flat(squares: F64, weight: F64, mean: F64) -> NDArray[np.bool_]:
+    """(channels,): of sums (channels, m) of w y^2 about the mean, whether they are but what is left of rounding."""
+    return np.asarray(squares.sum(axis=-1) <= 1e-24 * weight.sum() * mean**2)
 
 
 def pearson(sums: F64) -> F64:

@@ -78,7 +78,12 @@ def fit_curve(light: F64, radiance: F64, weight: F64) -> Curve | None:
     left = radiance - np.interp(light, at, rising)
     steepness = max((rising[-1] - rising[0]) / max(at[-1] - at[0], 1e-12), 1e-12)
     rms = float(np.sqrt(np.average(left**2, weights=weight)) / steepness)
-    return Curve(at, rising, _slope(light, radiance, weight), rms)
+    return Curve(at, rising, _slope(*_spread(light, radiance, weight)), rms)
+
+
+def _spread(*values: F64) -> tuple[F64, ...]:
+    """So many of a picture's pixels (n, ...), spread over it."""
+    return tuple(each[:: max(1, len(each) // _PIXELS)] for each in values)
 
 
 def _slope(light: F64, radiance: F64, weight: F64) -> float:
@@ -108,8 +113,7 @@ def fit_power_law(stored: F64, radiance: F64, weight: F64) -> PowerLaw:
     """Of shares of full scale (n, channels) as stored and radiance alike; robust against what is no clear sky."""
     from scipy.optimize import least_squares
 
-    spread = slice(None, None, max(1, len(weight) // _PIXELS))
-    stored, radiance, weight = stored[spread], radiance[spread], weight[spread]
+    stored, radiance, weight = _spread(stored, radiance, weight)
     found = []
     for share, light, start in zip(stored.T, radiance.T, _starts(stored, radiance), strict=True):
 

@@ -27,7 +27,7 @@ from openswim.solver import Solver
 F64 = NDArray[np.float64]
 Model = Scene | LitScene | str | Path | Sequence[str | Path] | None
 LIGHT_MINUTES = 5.0  # light of a model serves frames so near in time
-SPARSE = 0.2  # spread of neighbours between which no ray is followed: r is off by up to 3e-4 under broken cloud
+SPARSE = 0.1  # bend of light between neighbours below which no ray is followed: see `transport.view.sparse`
 DEFAULT_ALBEDO = 0.15
 _EPOCH, _LIGHT = np.datetime64("1970-01-01", "ms"), np.timedelta64(int(60_000 * LIGHT_MINUTES), "ms")
 

@@ -59,19 +59,24 @@ class Tiles:
 
     def sums(self, values: F64) -> F64:
         """(m, k): sums of values (n, k) over each tile."""
-        return np.stack([self.sum(column) for column in values.T], axis=-1)
+        return self.sums_of_sorted(self.sorted(values)).T
 
-    def sum(self, values: F64) -> F64:
-        """(m,): sums of values (n,) over each tile."""
-        return np.asarray(self._adding @ values, float)
+    def sorted(self, values: NDArray[np.floating]) -> F64:
+        """Values (n,) or (n, k) in the order of the tiles, which is that of memory: (n,) or (k, n)."""
+        return np.take(np.asarray(values.T, float), self._order, axis=-1)
+
+    def sums_of_sorted(self, values: F64) -> F64:
+        """(m,) or (k, m): sums of sorted values (n,) or (k, n) over each tile; a sixth of the cost of unsorted ones."""
+        return np.asarray(np.add.reduceat(values, self._first, axis=-1))
 
     @cached_property
-    def _adding(self) -> Any:
-        """(m, n): 1 where a direction lies in a tile; two thirds of bincount's cost, and the same bits."""
-        from scipy.sparse import csc_array
+    def _order(self) -> NDArray[np.intp]:
+        return np.argsort(self.number.astype(np.uint16), kind="stable")  # few bits are sorted by counting
 
-        n = len(self.number)
-        return csc_array((np.ones(n), self.number, np.arange(n + 1)), shape=(len(self.which), n))
+    @cached_property
+    def _first(self) -> NDArray[np.intp]:
+        """(m,): where each tile begins among what is sorted; none is empty."""
+        return np.concatenate([[0], np.cumsum(np.bincount(self.number))[:-1]]).astype(np.intp)
 
     @cached_property
     def _enough(self) -> bool:
