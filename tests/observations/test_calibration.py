@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from tests.observations.skies import EQUISOLID, LAT, LON, mounted, spot_frame, star_frame
 
 from openswim.cameras import Lens
 from openswim.cameras.files import FrameSettings, load_camera, read_camera, write_camera
+from openswim.cameras.picture_files import read_picture
 from openswim.cli.main import run
 from openswim.errors import UserError
 from openswim.heavens.bent_rays import Refraction
@@ -89,6 +91,15 @@ def test_a_clock_that_is_off_looks_like_a_tilt_and_the_page_says_so(tmp_path):
     assert way == "slow"
 
 
+def test_a_frame_that_was_cut_on_one_side_gives_the_same_camera(of_stars, tmp_path):
+    """Its axis is far from its middle, by .4 of half of its shorter side."""
+    whole = read_picture(of_stars[0]).counts
+    cut = 220
+    Image.fromarray(np.ascontiguousarray(whole[:, cut:])).save(tmp_path / "cut.png")
+    found = calibrate(tmp_path / "cut.png", LAT, LON, time=NIGHT)
+    assert worst_deg(found.camera, mounted(EQUISOLID, centre_column=371.0 - cut), 25.0) < 0.05
+
+
 def test_points_anywhere_are_refused(tmp_path):
     for peaks, says in ((120, "match"), (9, "bright points")):
         frame = star_frame(tmp_path / "points.png", mounted(EQUISOLID), NIGHT, peaks=peaks)
@@ -146,12 +157,24 @@ def test_a_night_of_moon_gives_a_camera(tmp_path):
     assert worst_deg(found.camera, optics, 25.0) < 0.5
 
 
+def test_a_day_of_sun_at_a_wrong_place_or_time_gives_no_camera(tmp_path):
+    """The way of the sun is much the same arc elsewhere, and a lens can be shifted until it lies on it."""
+    times = [np.datetime64("2024-05-01T09:00") + np.timedelta64(40 * i, "m") for i in range(7)]
+    frames = day_frames(tmp_path, mounted(Lens("equidistant", 160.0), **SMALL), times=times)
+    assert calibrate(frames, LAT, LON, settings=UTC).chosen.held_out_px < 1.0
+    for lat, settings in ((-LAT, UTC), (LAT, FrameSettings(utc_offset_h=-3.0))):
+        with pytest.raises(UserError, match="from its middle: a wrong time, date or place"):
+            calibrate(frames, lat, LON, settings=settings)
+    with pytest.raises(UserError, match="the sun is up in all frames"):  # whose spot would be taken for the moon
+        calibrate(frames, LAT, LON, settings=UTC, by="moon")
+
+
 def test_what_gives_no_camera_is_refused(tmp_path, day):
     optics, frames = day
     with pytest.raises(UserError, match="one sun tells no camera"):
         calibrate(frames[5], LAT, LON, settings=UTC)
     with pytest.raises(UserError, match="one moon tells no camera; give 6 frames or more of a clear night"):
-        calibrate(frames[5], LAT, LON, settings=UTC, by="moon")
+        calibrate(frames[5], LAT, LON, time="2023-11-27T22:00", by="moon")
     grey = spot_frame(tmp_path / "grey_20240610_120000.png", optics, DAY[5], overcast=True)
     with pytest.raises(UserError, match="no sun in this frame"):
         calibrate(grey, LAT, LON, settings=UTC)
@@ -216,7 +239,6 @@ def test_a_cameras_file_ends_in_toml(name, tmp_path, capsys):
 
 
 def test_a_mask_keeps_lamps_out(tmp_path):
-    from PIL import Image
 
     optics = mounted(EQUISOLID)
     path = star_frame(tmp_path / "stars.png", optics, NIGHT)

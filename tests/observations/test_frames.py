@@ -14,6 +14,7 @@ from openswim.comparison.prepared import prepared
 from openswim.errors import UserError
 from openswim.observations import read_frame
 from openswim.observations.standing import Standing
+from openswim.observations.sun_spot import find_spot
 
 
 def frame(tmp_path, name, exif=None, **settings):
@@ -122,6 +123,21 @@ def test_a_black_frame_of_floats_is_black(tmp_path):
     Standing().add(black)
     assert not prepared(black, camera).saturated.any()
     assert (prepared(black, camera).linear == 0).all()
+
+
+def test_counts_that_end_before_their_format_does_are_full(tmp_path):
+    """A sensor of 12 bits in a file of 16: the sun is a disc of 4095. Of a sky without a sun nothing is cut off."""
+    row, column = np.indices((200, 200))
+    away = np.hypot(row - 60, column - 90)
+    noise = np.random.default_rng(0).normal(0, 8, away.shape)
+    for name, glow, full in (("sun", 9000, 4095.0), ("none", 2000, 0.999 * 65535)):
+        light = 900 + glow * np.exp(-away / 6) + noise
+        Image.fromarray(np.clip(light, 0, 4095).astype(np.uint16)).save(tmp_path / "a.png")
+        seen = read_frame(tmp_path / "a.png", time="2024-06-10T12:00")
+        assert seen.saturated == full
+        spot = find_spot(seen)
+        assert (spot is not None) == (name == "sun")
+    assert read_frame(tmp_path / "a.png", "2024-06-10T12:00", FrameSettings(saturated_count=2500)).saturated == 2500
 
 
 def test_one_of_several_frames_is_not_sent_to_an_option_of_single_ones(tmp_path):
