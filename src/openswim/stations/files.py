@@ -154,7 +154,7 @@ def kind_of(path: Path) -> str | None:
     first = [name.lower() for name in names_in(text)[0]]
     if any("mm/dd/yyyy" in name for name in first) or {"year", "doy"} <= set(first):
         return "MIDC"
-    return "table" if "utc" in first and any(name.startswith("ghi") for name in first) else None
+    return "table" if "utc" in first and any(name.startswith(("ghi", "dni", "dhi")) for name in first) else None
 
 
 def _bsrn(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
