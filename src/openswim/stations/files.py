@@ -64,7 +64,8 @@ def read_station(
     path = Path(path)
     kind = kind_of(path)
     if kind is None:
-        raise UserError(f"{path}: no station file of BSRN, SURFRAD, SOLRAD, MIDC or ARM, nor a table with utc and ghi")
+        raise UserError(f"{path}: no station file of BSRN, SURFRAD, SOLRAD, MIDC or ARM, nor a table with utc and ghi, "
+                        "or dni and dhi")  # fmt: skip
     try:
         data, place = _READERS[kind](path)
     except ImportError as error:
