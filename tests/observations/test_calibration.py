@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +12,18 @@ from tests.observations.skies import EQUISOLID, LAT, LON, mounted, spot_frame, s
 
 from openswim.cameras import Lens
 from openswim.cameras.files import FrameSettings, load_camera, read_camera, write_camera
+from openswim.cameras.obstacles import Mask
 from openswim.cameras.picture_files import read_picture
 from openswim.cli.main import run
 from openswim.errors import UserError
 from openswim.heavens.bent_rays import Refraction
 from openswim.heavens.points import Points, drawn_points, points_over
+from openswim.lights import sun_position
 from openswim.observations.calibration import calibrate, check
 from openswim.observations.frames import read_frame
 from openswim.observations.peaks import find_peaks
 from openswim.observations.report import write_report
+from openswim.observations.sun_spot import find_spot, stray_deg
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import horizon_vector
 
@@ -137,6 +141,26 @@ def test_a_day_of_sun_gives_a_camera_and_says_what_it_leaves_open(tmp_path, day)
     write_camera(found.content, tmp_path / "camera.toml")
     with pytest.raises(UserError, match="degrees high: a camera is checked by the stars"):
         check(read_camera(tmp_path / "camera.toml"), frames[5])
+
+
+def test_a_sun_that_is_not_where_camera_and_time_have_it_is_told(tmp_path, day, capsys):
+    """As by a clock an hour off; not under cloud, and not where a mask hides the sun."""
+    optics, frames = day
+    content = calibrate(frames, LAT, LON, settings=UTC).content
+    camera, noon = content.camera, DAY[5]
+    seen = read_frame(frames[5], settings=UTC)
+    for time, low, high in ((noon, 0, 1), (noon + np.timedelta64(60, "m"), 8, 20)):
+        sun = sun_position(time, LAT, LON)
+        assert low <= stray_deg(seen, camera, sun.azimuth_deg, sun.refracted_altitude_deg) <= high
+    hidden = replace(camera, mask=Mask(np.ones(camera.shape, bool), "all"))
+    assert np.isnan(stray_deg(seen, hidden, sun.azimuth_deg, sun.refracted_altitude_deg))
+    grey = spot_frame(tmp_path / "grey_20240610_120000.png", optics, noon, overcast=True)
+    assert np.isnan(stray_deg(read_frame(grey, settings=UTC), camera, sun.azimuth_deg, sun.refracted_altitude_deg))
+    write_camera(content, tmp_path / "camera.toml")
+    for hour, notes in ((0, 0), (1, 1)):
+        options = ["--solver", "swim", "--size", "60", "--utc-offset", str(hour), "-o", str(tmp_path / f"out{hour}")]
+        run(["compare", "--clear", str(frames[5]), "--camera", str(tmp_path / "camera.toml"), *options])
+        assert capsys.readouterr().err.count("degrees from where its camera and time have the sun") == notes
 
 
 def test_suns_of_two_seasons_tell_the_tilt(tmp_path):
@@ -358,9 +382,6 @@ def test_the_camera_of_hungriger_wolf(shared):
 
 def test_the_sun_of_bretigny(shared, tmp_path):
     """Asked for: 1.0 degree, by the makers' own map; measured .87, of which most is upward: trees cut the spot."""
-    from openswim.lights import sun_position
-    from openswim.observations.sun_spot import find_spot
-
     folder = shared / "data/sky/bretigny"
     maps = {"azimuth": "0.005625", "zenith": "0.00140625"}
     (tmp_path / "camera.toml").write_text(
