@@ -31,6 +31,10 @@ def frame(tmp_path, name, exif=None, **settings):
         ("FE3_Image_20160901_100000_UTCp1.png", {}, "2016-09-01T09:00:00"),
         ("Wolf_20160530_094400_UTCp1_sunrow1338_suncol616.png", {}, "2016-05-30T08:44:00"),
         ("cam_2021-07-01T12-30-05_GMT-3.png", {}, "2021-07-01T15:30:05"),
+        ("cam_20210701_123005_UTC+05:30.png", {}, "2021-07-01T07:00:05"),
+        ("cam_20210701_123005_utc-0930_2.png", {}, "2021-07-01T22:00:05"),
+        ("cam_20210701_123005_UTCp5.5.png", {}, "2021-07-01T07:00:05"),
+        ("cam4Z_2021-07-01T12-30-05.250Z_7.png", {}, "2021-07-01T12:30:05"),
         ("W8446B18_2020-12-11_20-09-36.png", {"utc_offset_h": -7.5}, "2020-12-12T03:39:36"),
         ("sky_202401311205.png", {"utc_offset_h": 1.0}, "2024-01-31T11:05"),
         ("LYR-Sony-111220_200933.png", {"time_pattern": "%d%m%y_%H%M%S", "utc_offset_h": 0.0}, "2020-12-11T20:09:33"),
@@ -51,6 +55,8 @@ def test_the_zone_is_asked_for_and_never_the_machines(tmp_path, monkeypatch):
         time.tzset()
         with pytest.raises(UserError, match="--utc-offset"):
             frame(tmp_path, "image_20250215080830.png")
+        with pytest.raises(UserError, match="--utc-offset"):
+            frame(tmp_path, "cam4Z_20250215_080830.png")  # no Z of a time
         told = frame(tmp_path, "image_20250215080830.png", utc_offset_h=1.0)
         assert told.time == np.datetime64("2025-02-15T07:08:30")
     monkeypatch.undo()

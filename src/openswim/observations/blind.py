@@ -12,8 +12,8 @@ F64 = NDArray[np.float64]
 
 SCALES = np.geomspace(0.6, 1.5, 31)  # radius of the horizon over half of the frame's shorter side
 ROTATIONS_DEG = np.arange(0.0, 360.0, 1.5)
-CENTRES = np.arange(-3, 4) * 0.05  # off the middle of the frame, in the same unit
-WIDE_CENTRES = np.arange(-9, 10) * 0.05  # of a frame that was cut on one side, or padded
+CENTRES: F64 = np.arange(-3, 4) * np.float64(0.05)  # off the middle of the frame, in the same unit
+WIDE_CENTRES: F64 = np.arange(-9, 10) * np.float64(0.05)  # of a frame that was cut on one side, or padded
 REACH = 0.06  # how far a peak may lie from where a guess has its star, likewise
 STARTS = 25
 BRIGHTEST = 40

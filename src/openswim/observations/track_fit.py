@@ -124,7 +124,8 @@ def _fitted(
             f"{frames[0].path}: spots that were left out lie {chosen.held_out_px:.1f} px from where the best lens has "
             "them: cloud, or a wrong time or place"
         )
-    off = np.hypot(*((n - 1) / 2 - c for n, c in zip(shape, _centre(chosen.optics), strict=True))) / (min(shape) / 2)
+    down, right = ((n - 1) / 2 - c for n, c in zip(shape, _centre(chosen.optics), strict=True))
+    off = np.hypot(down, right) / (min(shape) / 2)
     if off > FARTHEST and not tilt:
         # a day's way is an arc, which a shifted lens can lay over that of another place or date
         raise UserError(
