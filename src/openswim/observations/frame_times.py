@@ -115,12 +115,14 @@ def _hours(said: re.Match[str]) -> float:
 
 
 def _of_fits(path: Path, header: dict[str, Any], option: str) -> np.datetime64:
-    text = str(header["DATE-OBS"])
+    text = str(header["DATE-OBS"]).strip()
     clock = header.get("TIME-OBS") or header.get("UTSTART") or header.get("UT")
     if "T" not in text and clock:
         text = f"{text}T{clock}"
+    if re.fullmatch(r"\d{4}-?\d{2}-?\d{2}", text):
+        raise UserError(f"{path}: FITS DATE-OBS {shown(text)} is a day without a time: give {option}a header with one")
     try:
-        start = datetime.fromisoformat(text.strip())
+        start = datetime.fromisoformat(text)
     except ValueError:
         raise UserError(f"{path}: FITS DATE-OBS {shown(text)} is no time: give {option}a header that has one") from None
     return _utc(path, start, 0.0, header.get("EXPTIME", header.get("EXPOSURE")))
