@@ -2,22 +2,28 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from tests.observations.skies import EQUISOLID, LAT, LON, mounted, spot_frame, star_frame
 
 from openswim.cameras import Lens
 from openswim.cameras.files import FrameSettings, load_camera, read_camera, write_camera
+from openswim.cameras.obstacles import Mask
+from openswim.cameras.picture_files import read_picture
 from openswim.cli.main import run
 from openswim.errors import UserError
 from openswim.heavens.bent_rays import Refraction
 from openswim.heavens.points import Points, drawn_points, points_over
+from openswim.lights import sun_position
 from openswim.observations.calibration import calibrate, check
 from openswim.observations.frames import read_frame
 from openswim.observations.peaks import find_peaks
 from openswim.observations.report import write_report
+from openswim.observations.sun_spot import find_spot, stray_deg
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.frame import horizon_vector
 
@@ -89,6 +95,15 @@ def test_a_clock_that_is_off_looks_like_a_tilt_and_the_page_says_so(tmp_path):
     assert way == "slow"
 
 
+def test_a_frame_that_was_cut_on_one_side_gives_the_same_camera(of_stars, tmp_path):
+    """Its axis is far from its middle, by .4 of half of its shorter side."""
+    whole = read_picture(of_stars[0]).counts
+    cut = 220
+    Image.fromarray(np.ascontiguousarray(whole[:, cut:])).save(tmp_path / "cut.png")
+    found = calibrate(tmp_path / "cut.png", LAT, LON, time=NIGHT)
+    assert worst_deg(found.camera, mounted(EQUISOLID, centre_column=371.0 - cut), 25.0) < 0.05
+
+
 def test_points_anywhere_are_refused(tmp_path):
     for peaks, says in ((120, "match"), (9, "bright points")):
         frame = star_frame(tmp_path / "points.png", mounted(EQUISOLID), NIGHT, peaks=peaks)
@@ -128,6 +143,26 @@ def test_a_day_of_sun_gives_a_camera_and_says_what_it_leaves_open(tmp_path, day)
         check(read_camera(tmp_path / "camera.toml"), frames[5])
 
 
+def test_a_sun_that_is_not_where_camera_and_time_have_it_is_told(tmp_path, day, capsys):
+    """As by a clock an hour off; not under cloud, and not where a mask hides the sun."""
+    optics, frames = day
+    content = calibrate(frames, LAT, LON, settings=UTC).content
+    camera, noon = content.camera, DAY[5]
+    seen = read_frame(frames[5], settings=UTC)
+    for time, low, high in ((noon, 0, 1), (noon + np.timedelta64(60, "m"), 8, 20)):
+        sun = sun_position(time, LAT, LON)
+        assert low <= stray_deg(seen, camera, sun.azimuth_deg, sun.refracted_altitude_deg) <= high
+    hidden = replace(camera, mask=Mask(np.ones(camera.shape, bool), "all"))
+    assert np.isnan(stray_deg(seen, hidden, sun.azimuth_deg, sun.refracted_altitude_deg))
+    grey = spot_frame(tmp_path / "grey_20240610_120000.png", optics, noon, overcast=True)
+    assert np.isnan(stray_deg(read_frame(grey, settings=UTC), camera, sun.azimuth_deg, sun.refracted_altitude_deg))
+    write_camera(content, tmp_path / "camera.toml")
+    for hour, notes in ((0, 0), (1, 1)):
+        options = ["--solver", "swim", "--size", "60", "--utc-offset", str(hour), "-o", str(tmp_path / f"out{hour}")]
+        run(["compare", "--clear", str(frames[5]), "--camera", str(tmp_path / "camera.toml"), *options])
+        assert capsys.readouterr().err.count("degrees from where its camera and time have the sun") == notes
+
+
 def test_suns_of_two_seasons_tell_the_tilt(tmp_path):
     optics = mounted(Lens("equisolid", 160.0), **(SMALL | {"tilt_deg": 3.0}))
     winter = [np.datetime64("2024-01-10T08:30") + np.timedelta64(50 * i, "m") for i in range(8)]
@@ -146,12 +181,24 @@ def test_a_night_of_moon_gives_a_camera(tmp_path):
     assert worst_deg(found.camera, optics, 25.0) < 0.5
 
 
+def test_a_day_of_sun_at_a_wrong_place_or_time_gives_no_camera(tmp_path):
+    """The way of the sun is much the same arc elsewhere, and a lens can be shifted until it lies on it."""
+    times = [np.datetime64("2024-05-01T09:00") + np.timedelta64(40 * i, "m") for i in range(7)]
+    frames = day_frames(tmp_path, mounted(Lens("equidistant", 160.0), **SMALL), times=times)
+    assert calibrate(frames, LAT, LON, settings=UTC).chosen.held_out_px < 1.0
+    for lat, settings in ((-LAT, UTC), (LAT, FrameSettings(utc_offset_h=-3.0))):
+        with pytest.raises(UserError, match="from its middle: a wrong time, date or place"):
+            calibrate(frames, lat, LON, settings=settings)
+    with pytest.raises(UserError, match="the sun is up in all frames"):  # whose spot would be taken for the moon
+        calibrate(frames, LAT, LON, settings=UTC, by="moon")
+
+
 def test_what_gives_no_camera_is_refused(tmp_path, day):
     optics, frames = day
     with pytest.raises(UserError, match="one sun tells no camera"):
         calibrate(frames[5], LAT, LON, settings=UTC)
     with pytest.raises(UserError, match="one moon tells no camera; give 6 frames or more of a clear night"):
-        calibrate(frames[5], LAT, LON, settings=UTC, by="moon")
+        calibrate(frames[5], LAT, LON, time="2023-11-27T22:00", by="moon")
     grey = spot_frame(tmp_path / "grey_20240610_120000.png", optics, DAY[5], overcast=True)
     with pytest.raises(UserError, match="no sun in this frame"):
         calibrate(grey, LAT, LON, settings=UTC)
@@ -216,7 +263,6 @@ def test_a_cameras_file_ends_in_toml(name, tmp_path, capsys):
 
 
 def test_a_mask_keeps_lamps_out(tmp_path):
-    from PIL import Image
 
     optics = mounted(EQUISOLID)
     path = star_frame(tmp_path / "stars.png", optics, NIGHT)
@@ -336,9 +382,6 @@ def test_the_camera_of_hungriger_wolf(shared):
 
 def test_the_sun_of_bretigny(shared, tmp_path):
     """Asked for: 1.0 degree, by the makers' own map; measured .87, of which most is upward: trees cut the spot."""
-    from openswim.lights import sun_position
-    from openswim.observations.sun_spot import find_spot
-
     folder = shared / "data/sky/bretigny"
     maps = {"azimuth": "0.005625", "zenith": "0.00140625"}
     (tmp_path / "camera.toml").write_text(

@@ -14,6 +14,7 @@ from openswim.comparison.prepared import prepared
 from openswim.errors import UserError
 from openswim.observations import read_frame
 from openswim.observations.standing import Standing
+from openswim.observations.sun_spot import find_spot
 
 
 def frame(tmp_path, name, exif=None, **settings):
@@ -30,6 +31,10 @@ def frame(tmp_path, name, exif=None, **settings):
         ("FE3_Image_20160901_100000_UTCp1.png", {}, "2016-09-01T09:00:00"),
         ("Wolf_20160530_094400_UTCp1_sunrow1338_suncol616.png", {}, "2016-05-30T08:44:00"),
         ("cam_2021-07-01T12-30-05_GMT-3.png", {}, "2021-07-01T15:30:05"),
+        ("cam_20210701_123005_UTC+05:30.png", {}, "2021-07-01T07:00:05"),
+        ("cam_20210701_123005_utc-0930_2.png", {}, "2021-07-01T22:00:05"),
+        ("cam_20210701_123005_UTCp5.5.png", {}, "2021-07-01T07:00:05"),
+        ("cam4Z_2021-07-01T12-30-05.250Z_7.png", {}, "2021-07-01T12:30:05"),
         ("W8446B18_2020-12-11_20-09-36.png", {"utc_offset_h": -7.5}, "2020-12-12T03:39:36"),
         ("sky_202401311205.png", {"utc_offset_h": 1.0}, "2024-01-31T11:05"),
         ("LYR-Sony-111220_200933.png", {"time_pattern": "%d%m%y_%H%M%S", "utc_offset_h": 0.0}, "2020-12-11T20:09:33"),
@@ -50,6 +55,8 @@ def test_the_zone_is_asked_for_and_never_the_machines(tmp_path, monkeypatch):
         time.tzset()
         with pytest.raises(UserError, match="--utc-offset"):
             frame(tmp_path, "image_20250215080830.png")
+        with pytest.raises(UserError, match="--utc-offset"):
+            frame(tmp_path, "cam4Z_20250215_080830.png")  # no Z of a time
         told = frame(tmp_path, "image_20250215080830.png", utc_offset_h=1.0)
         assert told.time == np.datetime64("2025-02-15T07:08:30")
     monkeypatch.undo()
@@ -114,6 +121,15 @@ def test_times_beyond_all_calendars_are_refused(tmp_path, date, seconds, zone):
             read()
 
 
+def test_a_day_without_a_time_is_not_midnight(tmp_path):
+    (tmp_path / "a.fits").write_bytes(fits(DEEP.astype(">f4"), -32, **{"DATE-OBS": "'2018-09-14'"}))
+    with pytest.raises(UserError, match="'2018-09-14' is a day without a time: give --time"):
+        read_frame(tmp_path / "a.fits")
+    both = {"DATE-OBS": "'2018-09-14'", "TIME-OBS": "'11:53:22'"}
+    (tmp_path / "a.fits").write_bytes(fits(DEEP.astype(">f4"), -32, **both))
+    assert read_frame(tmp_path / "a.fits").time == np.datetime64("2018-09-14T11:53:22")
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_black_frame_of_floats_is_black(tmp_path):
     (tmp_path / "a.fits").write_bytes(fits(np.zeros((12, 10), ">f4"), -32, **{"DATE-OBS": "'2018-09-14T11:53:22'"}))
@@ -122,6 +138,21 @@ def test_a_black_frame_of_floats_is_black(tmp_path):
     Standing().add(black)
     assert not prepared(black, camera).saturated.any()
     assert (prepared(black, camera).linear == 0).all()
+
+
+def test_counts_that_end_before_their_format_does_are_full(tmp_path):
+    """A sensor of 12 bits in a file of 16: the sun is a disc of 4095. Of a sky without a sun nothing is cut off."""
+    row, column = np.indices((200, 200))
+    away = np.hypot(row - 60, column - 90)
+    noise = np.random.default_rng(0).normal(0, 8, away.shape)
+    for name, glow, full in (("sun", 9000, 4095.0), ("none", 2000, 0.999 * 65535)):
+        light = 900 + glow * np.exp(-away / 6) + noise
+        Image.fromarray(np.clip(light, 0, 4095).astype(np.uint16)).save(tmp_path / "a.png")
+        seen = read_frame(tmp_path / "a.png", time="2024-06-10T12:00")
+        assert seen.saturated == full
+        spot = find_spot(seen)
+        assert (spot is not None) == (name == "sun")
+    assert read_frame(tmp_path / "a.png", "2024-06-10T12:00", FrameSettings(saturated_count=2500)).saturated == 2500
 
 
 def test_one_of_several_frames_is_not_sent_to_an_option_of_single_ones(tmp_path):

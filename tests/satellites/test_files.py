@@ -153,6 +153,70 @@ def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
         read(tmp_path / "a.nc")
 
 
+def _abi(picture: xr.Dataset) -> xr.Dataset:
+    """One band, as files of ABI have it."""
+    about = {"grid_mapping": "goes_imager_projection", "units": "1"}
+    return xr.Dataset(
+        {"CMI": (("y", "x"), picture.reflectance_factor[0].values, about),
+         "goes_imager_projection": ((), 0, picture.geostationary.attrs)},
+        coords={name: (name, picture[name].values, {"units": "rad"}) for name in ("x", "y")},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["with a time", "turned over", "per cent", "metres", "microradians", "all bands"])
+def test_a_picture_is_the_same_in_every_form(picture: xr.Dataset, tmp_path: Path, form: str) -> None:
+    file, height = _abi(picture), picture.geostationary.attrs["perspective_point_height"]
+    if form == "with a time":
+        file["CMI"] = file.CMI.expand_dims("t")
+    elif form == "turned over":
+        file["CMI"] = file.CMI.transpose("x", "y")
+    elif form == "per cent":
+        file["CMI"] = (file.CMI * 100).assign_attrs(file.CMI.attrs | {"units": "%"})
+    elif form == "all bands":
+        file["CMI_C02"], file["CMI_C01"] = file.CMI, file.CMI + 0.1
+        file = file.drop_vars("CMI")
+    else:
+        unit, factor = ("m", height) if form == "metres" else ("microradian", 1e6)
+        file = file.assign_coords({axis: (axis, file[axis].values * factor, {"units": unit}) for axis in ("x", "y")})
+    file.to_netcdf(tmp_path / "a.nc")
+    back = read(tmp_path / "a.nc", ["C02"])
+    np.testing.assert_allclose(back.reflectance_factor, picture.reflectance_factor[0], rtol=1e-6)
+    np.testing.assert_allclose(back.latitude, picture.latitude, atol=1e-6)
+    if form == "all bands":
+        assert back.attrs["band"] == "C02"
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [("kelvin", "its values are in 'K'"), ("counts", "no reflectance factors do"), ("axes", "x is in 'furlong'")],
+)
+def test_what_is_no_reflectance_is_refused(picture: xr.Dataset, tmp_path: Path, change: str, says: str) -> None:
+    file = _abi(picture)
+    if change == "kelvin":
+        file.CMI.attrs["units"] = "K"
+    elif change == "counts":
+        file["CMI"] = (file.CMI * 3150).assign_attrs(file.CMI.attrs)
+    else:
+        file.x.attrs["units"] = "furlong"
+    file.to_netcdf(tmp_path / "a.nc")
+    with pytest.raises(UserError, match=says):
+        read(tmp_path / "a.nc")
+
+
+@pytest.mark.parametrize("scale", [1.0, 3150.0])
+def test_flags_of_quality_and_counts_without_scale_are_no_picture(
+    picture: xr.Dataset, tmp_path: Path, scale: float
+) -> None:
+    """ABI's flags lie beside its pictures, on the same grid."""
+    pytest.importorskip("rasterio")
+    spoilt = picture.copy()
+    spoilt["reflectance_factor"] = picture.reflectance_factor * scale
+    path = tmp_path / f"OR_ABI-L2-CMIPM1-M6C02_G16_s2021_{'DQF' if scale == 1 else 'CMI'}.tif"
+    write(spoilt, path)
+    with pytest.raises(UserError, match="holds flags of quality" if scale == 1 else "counts without scale"):
+        read(path)
+
+
 @pytest.mark.parametrize("damage", ["no axis", "no numbers", "no mapping", "no ellipsoid"])
 def test_damaged_pictures_are_refused_with_their_file(picture: xr.Dataset, tmp_path: Path, damage: str) -> None:
     spoilt = picture.copy()

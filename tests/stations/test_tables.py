@@ -49,6 +49,12 @@ def test_what_may_mean_two_things_is_refused(tmp_path: Path, text: str, message:
         _read(tmp_path / "x.csv", text)
 
 
+def test_direct_and_diffuse_light_are_enough(tmp_path: Path) -> None:
+    found = _read(tmp_path / "x.csv", "utc,Diffuse [W/m^2],dni\n2020-06-01T12:00,90,800\n")
+    assert (float(found.dhi[0]), float(found.dni[0])) == (90.0, 800.0)
+    assert "ghi" not in found
+
+
 def test_a_leap_second_ends_the_second_before(tmp_path: Path) -> None:
     text = "utc,ghi\n2016-12-31T23:59:59Z,1\n2016-12-31T23:59:60Z,2\n2017-01-01T01:00:00+01:00,3\n"
     found = _read(tmp_path / "x.csv", text)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MUCH = 0.8  # of the sky, below which it is said how much is used
 PATIENCE_S, FEWEST = 10.0, 5  # what is left is told from so long and, for the first frame starts everything, so many on
+FAR_SUN_DEG = 6.0  # that a spot may be off: calibrations by suns are a degree right, lopsided spots another
 FAR_HOURS = 3.0  # between a frame and a model's time
 _SETTINGS = ("size", "sun_mask_deg", "lowest_deg", "encoding", "ghi_w_m2", "dhi_w_m2")
 
@@ -111,6 +112,10 @@ class Progress:
     def tell(self, comparison: "xr.Dataset") -> None:
         """One line about a frame, and how long the others will take."""
         click.echo(one_line(line_of(comparison)) + self._left())
+        if (off := comparison.attrs.get("sun_spot_off_deg", 0.0)) > FAR_SUN_DEG:
+            told = f"the round bright spot of {comparison.attrs['frame']} lies {off:.0f} degrees from where its camera"
+            text = f"note: {told} and time have the sun: a lit cloud, or a wrong time, zone, place or camera"
+            click.echo(one_line(text), err=True)
         if "model_time" in comparison.attrs:
             seen, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
             tell_when_far(seen, model, "frame")

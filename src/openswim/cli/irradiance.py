@@ -183,14 +183,19 @@ def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset,
 
     import openswim
     from openswim.stations import Series
-    from openswim.stations.checks import checked
+    from openswim.stations.checks import check_clock, checked
     from openswim.stations.files import read_station
 
     assert request.station is not None
     station = read_station(request.station, request.lat, request.lon, request.ground_m)
     if "note" in station.attrs:
         click.echo(f"note: {request.station}: {station.attrs['note']}", err=True)
-    station, failed = checked(_within(request, station))
+    station = _within(request, station)
+    try:
+        check_clock(station)
+    except UserError as error:
+        raise UserError(f"{request.station}: {error}") from None
+    station, failed = checked(station)
     _tell_checks(failed, station.sizes["time"])
     if request.clear:
         return _clear_beside(request, station)

@@ -23,6 +23,7 @@ from openswim.comparison.skies import Skies, light_number
 from openswim.errors import UserError
 from openswim.kept_light import fingerprint as fingerprint_of
 from openswim.observations.frame_times import frame_time
+from openswim.observations.sun_spot import stray_deg
 from openswim.pictures.viewpoint import LitScene
 from openswim.readers import files_of
 from openswim.scene import Scene
@@ -181,6 +182,8 @@ def _compare_one(comparing: Comparing, path: Path) -> Compared:
         mark = _mark_of(comparing, path)  # before it is read: one that changes meanwhile is done again
         frame = frame_of(path, content, comparing.time, not comparing.series)
         done = compare_frame(comparing.skies, frame, content, settings, comparing.known)
+        sun = done.attrs["sun_azimuth_deg"], done.attrs["sun_altitude_deg"]
+        done.attrs["sun_spot_off_deg"] = round(stray_deg(frame, content.camera, *sun), 1)
     except UserError as error:
         text = str(error)
         return Compared(path, failure=text if str(path) in text else f"{path}: {text}")

@@ -12,7 +12,8 @@ F64 = NDArray[np.float64]
 
 SCALES = np.geomspace(0.6, 1.5, 31)  # radius of the horizon over half of the frame's shorter side
 ROTATIONS_DEG = np.arange(0.0, 360.0, 1.5)
-CENTRES = np.arange(-3, 4) * 0.05  # off the middle of the frame, in the same unit
+CENTRES: F64 = np.arange(-3, 4) * np.float64(0.05)  # off the middle of the frame, in the same unit
+WIDE_CENTRES: F64 = np.arange(-9, 10) * np.float64(0.05)  # of a frame that was cut on one side, or padded
 REACH = 0.06  # how far a peak may lie from where a guess has its star, likewise
 STARTS = 25
 BRIGHTEST = 40
@@ -28,10 +29,11 @@ class Start:
     score: float
 
 
-def starts(direction: F64, peaks: F64, shape: tuple[int, int]) -> list[Start]:
+def starts(direction: F64, peaks: F64, shape: tuple[int, int], centres: F64 = CENTRES) -> list[Start]:
     """The best distinct guesses, best first, of an equidistant lens with its axis in the zenith.
 
-    `direction` (n, 3): east, north, up of stars, brightest first; `peaks` (m, 2): rows and columns.
+    `direction` (n, 3): east, north, up of stars, brightest first; `peaks` (m, 2): rows and columns; `centres`: how far
+    off the middle of the frame the axis is looked for, over half of the frame's shorter side.
     """
     half = min(shape) / 2
     table, step = _nearness(peaks, shape, REACH * half)
@@ -40,8 +42,8 @@ def starts(direction: F64, peaks: F64, shape: tuple[int, int]) -> list[Start]:
     turned = np.arctan2(stars[:, 0], stars[:, 1]) + np.radians(ROTATIONS_DEG)[:, None]
     down, left = -np.cos(turned) * zenith, -np.sin(turned) * zenith
     found: list[Start] = []
-    for centre_row in (shape[0] - 1) / 2 + CENTRES * half:
-        for centre_column in (shape[1] - 1) / 2 + CENTRES * half:
+    for centre_row in (shape[0] - 1) / 2 + centres * half:
+        for centre_column in (shape[1] - 1) / 2 + centres * half:
             for focal in half * SCALES / (np.pi / 2):
                 row = _index(centre_row + focal * down, step, table.shape[0])
                 for mirrored in (False, True):

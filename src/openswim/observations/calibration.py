@@ -141,6 +141,7 @@ def _looked_at(
     held at a time."""
     out: list[Sky | Sighting] = []
     shape: tuple[int, int] | None = None
+    by_day = False
     for path in given:
         frame = read_frame(path, time, settings, len(given) == 1)
         pixels = f"{path}: is {frame.shape[1]}x{frame.shape[0]} pixels"
@@ -153,6 +154,9 @@ def _looked_at(
             if len(given) == 1:
                 raise UserError(f"{path}: the sun is {altitude:.1f} degrees high: neither sun nor stars show")
             continue
+        if way == "moon" and altitude > _DAY_DEG:
+            by_day = True
+            continue  # the round bright spot is the sun
         if way == "stars":
             out.append(sky_of(frame, lat, lon, height_m, hidden))
             continue
@@ -163,6 +167,8 @@ def _looked_at(
         body, span = ("moon", "night") if by == "moon" else ("sun", "day")
         told = f"no {body} in this frame" if out[0].spot is None else f"one {body} tells no camera"
         raise UserError(f"{given[0]}: {told}; give {LEAST_SPOTS} frames or more of a clear {span}, or a starry one")
+    if not out and by_day:
+        raise UserError(f"{given[0]}: the sun is up in all frames, and its spot no moon: give a night's frames")
     if not out:
         raise UserError(f"{given[0]}: in none of the frames sun or stars show")
     return out

@@ -21,7 +21,10 @@ _USUAL = re.compile(
     r"(?<!\d)((?:19|20)\d{2})[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])[-_.T ]?"
     r"([01]\d|2[0-3])[-_.:h]?([0-5]\d)(?:[-_.:m]?([0-5]\d))?(?!\d)"
 )
-_ZONE = re.compile(r"(?<![A-Za-z])(?:UTC|GMT)(?:([pm+-])(\d{1,2}))?(?![A-Za-z\d])")
+_ZONE = re.compile(
+    r"(?<![A-Za-z])(?:UTC|GMT)(?:([pm+-])(\d{1,2})(?::?([0-5]\d)|(\.\d+))?)?(?![A-Za-z\d])", re.IGNORECASE
+)
+_ZULU = re.compile(r"T\d{2}[-_.:]?\d{2}(?:[-_.:]?\d{2})?(?:[.,]\d+)?Z(?![A-Za-z\d])")  # as ISO 8601 has it
 _LONGEST_EXPOSURE_S = 3600.0
 _NAME = "it a name such as sky_20240620_110000.jpg"
 
@@ -44,7 +47,7 @@ def frame_time(
     pattern = settings.time_pattern
     local = _by_pattern(path, pattern, option) if pattern else _by_usual(path.name)
     if local is not None:
-        said = _ZONE.search(path.stem)
+        said = _ZONE.search(path.stem) or _ZULU.search(path.stem)
         stated = None if said is None else _hours(said)
         if stated is not None and abs(stated) > 15:
             raise UserError(f"{path}: its name says UTC{stated:+g}, which no clock has: give {option}another name")
@@ -105,17 +108,21 @@ def _by_pattern(path: Path, pattern: str, option: str) -> datetime:
 
 
 def _hours(said: re.Match[str]) -> float:
-    """UTC, UTCp1 (as Hamburg's cameras write UTC+1), GMT-3."""
-    return 0.0 if said[1] is None else (1 if said[1] in "p+" else -1) * float(said[2])
+    """UTC, UTCp1 (as Hamburg's cameras write UTC+1), GMT-3, UTC+05:30, UTC+5.5."""
+    if said.re is _ZULU or said[1] is None:
+        return 0.0
+    return (1 if said[1] in "pP+" else -1) * (float(said[2]) + float(said[3] or 0) / 60 + float(said[4] or 0))
 
 
 def _of_fits(path: Path, header: dict[str, Any], option: str) -> np.datetime64:
-    text = str(header["DATE-OBS"])
+    text = str(header["DATE-OBS"]).strip()
     clock = header.get("TIME-OBS") or header.get("UTSTART") or header.get("UT")
     if "T" not in text and clock:
         text = f"{text}T{clock}"
+    if re.fullmatch(r"\d{4}-?\d{2}-?\d{2}", text):
+        raise UserError(f"{path}: FITS DATE-OBS {shown(text)} is a day without a time: give {option}a header with one")
     try:
-        start = datetime.fromisoformat(text.strip())
+        start = datetime.fromisoformat(text)
     except ValueError:
         raise UserError(f"{path}: FITS DATE-OBS {shown(text)} is no time: give {option}a header that has one") from None
     return _utc(path, start, 0.0, header.get("EXPTIME", header.get("EXPOSURE")))

@@ -16,6 +16,9 @@ from openswim.observations.frame_times import FrameTime, frame_time
 from openswim.scene.times import Time, parse_time
 from openswim.system.inputs import check_name
 
+_LEAST_CUT, _FEWEST_CUT = 1e-5, 12  # share of a picture that the sun's disc fills, and pixels that are no chance
+_PILED = 3.0  # times as many pixels at the end as in the two per cent below it
+
 
 @dataclass(frozen=True)
 class FrameInfo:
@@ -75,5 +78,17 @@ def read_frame(
         when = frame_time(path, picture.header, picture.exif, settings, alone)
     full_scale = picture.full_scale if picture.full_scale > 0 else 1.0  # of floats the brightest: 0 in a black frame
     # JPEG and the like blur what is cut off: a few counts below the end are full too
-    saturated = settings.saturated_count or full_scale * (0.98 if full_scale < 256 else 0.999)
+    end = full_scale * (0.98 if full_scale < 256 else 0.999)
+    saturated = settings.saturated_count or min(end, _cut_off(picture.counts))
     return SkyFrame(path, picture.counts, when.time, when.source, full_scale, saturated)
+
+
+def _cut_off(counts: NDArray[Any]) -> float:
+    """The largest count where many pixels have it and few come near it: sensors of 12 or 14 bits end long before their
+    files of 16 do. Infinite where it is not so, and of 8 bits, whose skies have few counts."""
+    most = counts.max(initial=0)
+    if counts.dtype.itemsize < 2 or most <= 0:
+        return float("inf")
+    many = np.count_nonzero(counts == most)
+    near = np.count_nonzero(counts >= 0.98 * most) - many
+    return float(most) if many >= max(_LEAST_CUT * counts.size, _FEWEST_CUT) and many > _PILED * near else float("inf")

@@ -32,7 +32,7 @@ def track_limits(fit: TrackFit, lat: float) -> tuple[str, ...]:
     if not fit.tilt_told:
         said.append("the tilt: the axis was taken as vertical; frames of another season, or stars, would tell it")
         said.append(
-            "the clock: taken as given; an error is a turn about the pole, which a turn of the camera nearly makes good"
+            "the clock, the date and the place: taken as given; a lens that is turned and shifted hides their errors"
         )
     said.append(
         f"the picture away from the {fit.body}'s way: between altitudes {altitude.min():.0f} and {altitude.max():.0f} "

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from openswim.cameras.optics import Optics
 from openswim.errors import UserError
 from openswim.lights import star_positions
-from openswim.observations.blind import starts
+from openswim.observations.blind import CENTRES, WIDE_CENTRES, starts
 from openswim.observations.frames import FrameInfo, SkyFrame
 from openswim.observations.lens_fit import CANDIDATES, Freedom, fit, held_out_px, name_of, residuals, with_lens
 from openswim.observations.matching import TOLERANCES_PX, expected_by_chance, pairs, refined
@@ -91,31 +91,35 @@ def fit_stars(skies: Sequence[Sky]) -> StarFit:
         raise UserError(
             f"{richest.frame.path}: only {len(richest.peaks)} bright points: no stars show; take a clear night's frame"
         )
-    found = _solutions(richest, shape, size)
+    for centres in (CENTRES, WIDE_CENTRES):  # the axis may be far from the middle of a frame that was cut, or padded
+        found = _judged(_solutions(richest, shape, size, centres), richest, skies, size)
+        if isinstance(found, StarFit):
+            return found
+    raise UserError(f"{richest.frame.path}: {found}: cloud, moonlight, twilight, or a wrong time or place")
+
+
+def _judged(found: Sequence[tuple[int, Optics]], richest: Sky, skies: Sequence[Sky], size: float) -> StarFit | str:
+    """The best of the solutions with the lens that does best, or what speaks against it."""
     best = found[0]
     following = found[1][0] if len(found) > 1 else 0
     results = [_result(best[1], model, n, skies, size) for model, n in CANDIDATES]
     lenses = [r for r in results if r is not None]
     chance = expected_by_chance(richest.direction, best[1], richest.peaks.place, TOLERANCES_PX[-1] * size)
-    where = richest.frame.path
     if not lenses or best[0] < LEAST_MATCHES:
-        raise UserError(
-            f"{where}: no more than {best[0]} stars match: cloud, moonlight, twilight, or a wrong time or place"
-        )
+        return f"no more than {best[0]} stars match"
     chosen = _choose([lens for lens in lenses if lens.matches >= 0.7 * max(each.matches for each in lenses)])
     matches = len(pairs(chosen.optics, richest.direction, richest.peaks.place, TOLERANCES_PX[-1] * size)[0])
     refused = _why_refused(matches, following, chance, chosen, size)
     matched = _matched(chosen.optics, skies, size)
     refused = refused or _why_uneven(matched, chosen.optics)
-    if refused:
-        raise UserError(f"{where}: {refused}: cloud, moonlight, twilight, or a wrong time or place")
-    return StarFit(chosen, tuple(lenses), matched, tuple(skies), following, chance)
+    return refused or StarFit(chosen, tuple(lenses), matched, tuple(skies), following, chance)
 
 
-def _solutions(sky: Sky, shape: tuple[int, int], size: float) -> list[tuple[int, Optics]]:
+def _solutions(sky: Sky, shape: tuple[int, int], size: float, centres: F64) -> list[tuple[int, Optics]]:
     """Numbers of matches and distinct solutions, best first."""
     found = [
-        (0, with_lens(start.optics, "polynomial", 1)) for start in starts(sky.direction, sky.peaks.place, shape)
+        (0, with_lens(start.optics, "polynomial", 1))
+        for start in starts(sky.direction, sky.peaks.place, shape, centres)
     ]
     for tolerances, most in ((TOLERANCES_PX[:3], len(found)), (TOLERANCES_PX[3:], GO_ON)):
         better = []

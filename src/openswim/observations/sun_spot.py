@@ -5,11 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.cameras import Camera
 from openswim.observations.frames import SkyFrame
+from openswim.scene.frame import horizon_vector
 
 SMALLEST = 0.008  # radius of the spot over half of the frame's shorter side; a cloud's brightest part is smaller
 _OPENED = 0.6  # what is narrower than so much of the spot is a ray or a lit cloud beside it
 _ROUND = 0.35  # share of the spot that must be left then
+_UP_DEG = 3.0  # lower suns are cut by the horizon
+_NEAR_DEG = 4.0  # of the sun's place, within which a full pixel may be the sun's
 
 
 @dataclass(frozen=True)
@@ -52,3 +56,25 @@ def find_spot(frame: SkyFrame, hidden: NDArray[np.bool_] | None = None) -> Spot 
         return None
     row, column = ndimage.center_of_mass(opened)
     return Spot(window[0].start - 1 + row, window[1].start - 1 + column, radius)
+
+
+def stray_deg(frame: SkyFrame, camera: Camera, azimuth_deg: float, altitude_deg: float) -> float:
+    """How far the spot of a frame lies from where its camera has the sun, if nothing is full there; 0 where something
+    is, NaN where there is no spot, the sun is low or hidden, or it is outside the picture."""
+    row, column = (float(at) for at in camera.pixel_of(azimuth_deg, altitude_deg))
+    inside = all(0 <= at <= n - 1 for at, n in zip((row, column), frame.shape, strict=True))
+    if altitude_deg < _UP_DEG or not inside or (spot := find_spot(frame)) is None:
+        return float("nan")
+    if camera.mask is not None and camera.mask.hidden[round(row), round(column)]:
+        return float("nan")
+    beside = camera.pixel_of(azimuth_deg, altitude_deg - _NEAR_DEG)
+    reach = float(np.hypot(*np.subtract(beside, (row, column))))
+    if not np.isfinite(reach):
+        return float("nan")
+    top, left = (max(int(at - reach), 0) for at in (row, column))
+    part = frame.counts[top : int(row + reach) + 1, left : int(column + reach) + 1]
+    if ((part if part.ndim == 2 else part.min(axis=-1)) >= frame.saturated).any():
+        return 0.0
+    there = horizon_vector(*camera.direction_of(spot.row, spot.column))
+    sun = horizon_vector(azimuth_deg, altitude_deg)
+    return float(np.degrees(np.arccos(np.clip(there @ sun, -1, 1))))

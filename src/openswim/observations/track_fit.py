@@ -21,6 +21,7 @@ F64 = NDArray[np.float64]
 LEAST_SPOTS = 6
 LEAST_ARC_DEG = 30.0  # between the first and the last direction
 WORST_PX = 6.0  # held-out median, of a frame of 1920 rows: spots are lopsided by 2 to 5 pixels
+FARTHEST = 0.25  # of the axis from the middle of the frame, over half of its shorter side, where a day tells no tilt
 TELLS_TILT_DEG = 10.0  # range of declination from which on tilt and lens are told apart
 _OUTLIER_PX = 15.0
 _MANY = 5.0  # an outlier lies so many medians away
@@ -123,8 +124,20 @@ def _fitted(
             f"{frames[0].path}: spots that were left out lie {chosen.held_out_px:.1f} px from where the best lens has "
             "them: cloud, or a wrong time or place"
         )
+    down, right = ((n - 1) / 2 - c for n, c in zip(shape, _centre(chosen.optics), strict=True))
+    off = np.hypot(down, right) / (min(shape) / 2)
+    if off > FARTHEST and not tilt:
+        # a day's way is an arc, which a shifted lens can lay over that of another place or date
+        raise UserError(
+            f"{frames[0].path}: the axis of the lens that fits lies {off:.0%} of half of the frame's shorter side from "
+            "its middle: a wrong time, date or place, or frames that were cut on one side"
+        )
     later = _later_px(chosen, matched, Freedom(tilt=tilt, coefficients=chosen.coefficients))
     return TrackFit(body, chosen, tuple(lenses), matched, tuple(frames), tuple(left_out), tilt, later)
+
+
+def _centre(optics: Optics) -> tuple[float, float]:
+    return optics.centre_row, optics.centre_column
 
 
 def _blind(matched: Matched, shape: tuple[int, int], size: float) -> Optics:

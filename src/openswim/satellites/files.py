@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened
 from openswim.satellites.fixed_grid import FixedGrid
@@ -27,6 +28,10 @@ F64 = NDArray[np.float64]
 _BYTES_PER_PIXEL = 150  # while their places are found
 _MOST_MEMORY = 0.8  # share of what is free
 _LEAN = 0.1  # pixels by which rows may lean over a whole picture
+_UNITS = {"": 1.0, "1": 1.0, "%": 0.01, "percent": 0.01}  # of reflectance factors; else it is a radiance, or warmth
+_BRIGHTEST = 2.0  # that one pixel in twenty of a picture may have; deep cloud below a high sun has 1.3
+_QUALITY = "DQF"  # ABI's flags, which lie beside its pictures on the same grid
+_ONE_OF_SEVERAL = re.compile(r"CMI_(C\d\d)")  # of ABI's files of all bands
 
 
 def write(picture: xr.Dataset, path: str | Path) -> Path:
@@ -108,8 +113,9 @@ def read(path: str | Path, bands: Sequence[str] = ()) -> xr.Dataset:
 
     bands : of a file of several, the first of these that it has; else its first.
 
-    Takes netCDF with a CF grid mapping "geostationary" and a reflectance factor (ABI L2 CMI, our own), and GeoTIFF in
-    the projection of a fixed grid whose values, with scale and offset applied, are reflectance factors.
+    Takes netCDF with a CF grid mapping "geostationary" and a reflectance factor (ABI L2 CMI and MCMI, our own), and
+    GeoTIFF in the projection of a fixed grid whose values, with scale and offset applied, are reflectance factors.
+    Units of values (1, %) and of axes (rad, microradian, m) are heeded; other units, flags and counts are refused.
     """
     source = Path(path)
     check_ordinary(source)
@@ -127,20 +133,58 @@ def read(path: str | Path, bands: Sequence[str] = ()) -> xr.Dataset:
 
 def _from_netcdf(path: Path, bands: Sequence[str]) -> xr.Dataset:
     with opened(path, decode=False) as file:
-        names = ("reflectance_factor", "CMI", "Rad")
-        name = next((one for one in names if one in file), None)
-        if name in (None, "Rad"):
+        told, every = _names(path, file), [str(name) for name in file.data_vars if _ONE_OF_SEVERAL.fullmatch(str(name))]
+        if name := next((one for one in ("reflectance_factor", "CMI") if one in file), None):
+            at, values = _which(told, bands), file[name]
+        elif every:
+            told = [name.removeprefix("CMI_") for name in every]
+            at = _which(told, bands)
+            values = file[every[at]]
+        else:
             raise UserError(f"{path}: no reflectance factor in it (reflectance_factor, CMI)")
-        values = file[name]
         _check_size(path, values.shape)
-        told = _names(path, file)
-        at = _which(told, bands)
         if "band" in values.dims:
             values = values.isel(band=at)
+        values = values.squeeze([dim for dim in values.dims if dim not in ("y", "x") and values.sizes[dim] == 1])
+        if set(values.dims) == {"y", "x"}:
+            values = values.transpose("y", "x")
+        factor = _in_ones(path, values.attrs.get("units"))
         mapping = file[str(values.attrs.get("grid_mapping", values.encoding.get("grid_mapping", "geostationary")))]
-        grid = FixedGrid.of_cf(file.x.values, file.y.values, mapping.attrs)
+        height = float(mapping.attrs["perspective_point_height"])
+        x, y = (_in_radians(path, file[axis], height) for axis in ("x", "y"))
         time = str(file.attrs.get("time_coverage_start", ""))
-        return _picture(values.values.astype(np.float32), grid, time, told[at])
+        found = values.values.astype(np.float32) * factor
+        _check_bright(path, found)
+        return _picture(found, FixedGrid.of_cf(x, y, mapping.attrs), time, told[at])
+
+
+def _in_radians(path: Path, axis: xr.DataArray, height_m: float) -> F64:
+    """Scan angles: some programs, as CF has it, write them as lengths at the satellite's height."""
+    unit = str(axis.attrs.get("units", "rad")).strip().lower()
+    factors = {"m": 1 / height_m, "km": 1e3 / height_m, "rad": 1.0, "microrad": 1e-6}
+    plain = re.sub(r"met(er|re)s?$", "m", unit).replace("kilom", "km")
+    plain = re.sub(r"^(\N{MICRO SIGN}|u)rad", "microrad", re.sub(r"(rad)ians?$", r"\1", plain))
+    if plain not in factors:
+        raise UserError(f"{path}: {axis.name} is in {shown(unit)}: give scan angles in rad, or in m on the projection")
+    return np.asarray(axis.values, float) * factors[plain]
+
+
+def _in_ones(path: Path, unit: Any) -> np.float32:
+    """What values in a unit are as reflectance factors."""
+    plain = "" if unit is None else str(unit).strip().lower()
+    if plain not in _UNITS:
+        raise UserError(f"{path}: its values are in {shown(str(unit))}, and no reflectance factors: give a picture of "
+                        "a band of sunlight")  # fmt: skip
+    return np.float32(_UNITS[plain])
+
+
+def _check_bright(path: Path, values: Any) -> None:
+    """Raise UserError where values are too large to be reflectance factors."""
+    known = values[np.isfinite(values)]
+    most = float(np.percentile(known, 95)) if known.size else 0.0
+    if most > _BRIGHTEST:
+        raise UserError(f"{path}: a twentieth of its values lie above {most:.3g}, which no reflectance factors do: are "
+                        "they counts without scale, per cent, or temperatures? Give reflectance factors")  # fmt: skip
 
 
 def _check_size(path: Path, shape: tuple[int, ...]) -> None:
@@ -186,7 +230,12 @@ def _from_geotiff(path: Path, bands: Sequence[str]) -> xr.Dataset:
         at = _which(names, bands)
         _check_size(path, file.shape)
         raw = file.read(at + 1, masked=True)
-        values = np.ma.filled(raw.astype(np.float32) * file.scales[at] + file.offsets[at], np.nan)
+        about = file.tags(at + 1)
+        if _QUALITY in (about.get("NETCDF_VARNAME"), path.stem.rsplit("_", 1)[-1]):
+            raise UserError(f"{path}: holds flags of quality ({_QUALITY}), and no picture: give the CMI of it")
+        factor = _in_ones(path, file.units[at] or about.get("units"))
+        values = np.ma.filled((raw.astype(np.float32) * file.scales[at] + file.offsets[at]) * factor, np.nan)
+        _check_bright(path, values)
         height, transform = float(mapping["perspective_point_height"]), file.transform
         if max(abs(transform.b), abs(transform.d)) * max(file.shape) > _LEAN * min(abs(transform.a), abs(transform.e)):
             raise UserError(f"{path}: its rows are turned or sheared against the imager's: warp it upright (gdalwarp)")

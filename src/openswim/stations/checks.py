@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.errors import UserError
 from openswim.lights import SOLAR_CONSTANT_W_M2, SunTrack, sun_track
 
 POSSIBLE = {  # lowest value, then a S mu0^b + c
@@ -23,12 +24,18 @@ RARE = {
     "dni": (-2.0, 0.95, 0.2, 10.0),
 }
 _DIM_W_M2 = 50.0  # below it parts are not compared
+_BEAM_W_M2, _MOST_BEAMS, _FEWEST_BEAMS = 200.0, 60, 12  # values of direct light that tell where the sun is
+_MINUTES = np.arange(-720, 721, 10)  # that a clock may be off
+_TOLD_MINUTES = 30  # less is within what instruments disagree by
+_TIMES_BETTER, _FAR, _NEAR = 3.0, 0.05, 0.03  # than with the clock as it is; and share of global light
+_NIGHT_W_M2, _NIGHT_DEG, _DEG_PER_HOUR, _FEWEST_NIGHTS = 30.0, -4.0, 15.0, 5
+_ASKED = "are they UTC, and is the longitude counted east?"
 
 
-def sun_of(station: xr.Dataset) -> SunTrack:
-    """The sun at a station's times."""
-    about = station.attrs
-    return sun_track(station.time.values, about["latitude"], about["longitude"], about["height_m"])
+def sun_of(station: xr.Dataset, times: NDArray[np.datetime64] | None = None) -> SunTrack:
+    """The sun at a station's times, or at others."""
+    about, when = station.attrs, station.time.values if times is None else times
+    return sun_track(when, about["latitude"], about["longitude"], about["height_m"])
 
 
 def doubts(station: xr.Dataset, track: SunTrack | None = None) -> xr.Dataset:
@@ -74,3 +81,55 @@ def checked(station: xr.Dataset) -> tuple[xr.Dataset, dict[str, int]]:
         if name in station:
             out[name] = station[name].where(~found[f"{name}_impossible"])
     return out, counts
+
+
+def check_clock(station: xr.Dataset) -> None:
+    """Raise UserError where a station's light is that of another sun than its times and place have: local time for UTC,
+    say, or a longitude of the wrong sign.
+
+    Global less diffuse light over direct light is the sine of the sun's altitude, whatever the sky; and there is little
+    light while the sun is well down."""
+    if not {"ghi", "dni", "dhi"} <= set(station) or not _tell_by_beam(station):
+        _tell_by_night(station)
+
+
+def _tell_by_beam(station: xr.Dataset) -> bool:
+    """Whether direct light tells that the clock is right; raises UserError where it tells that it is not."""
+    ghi, dni, dhi = (station[name].values for name in ("ghi", "dni", "dhi"))
+    rows = np.flatnonzero((dni > _BEAM_W_M2) & np.isfinite(ghi) & np.isfinite(dhi))
+    if rows.size < _FEWEST_BEAMS:
+        return False
+    rows = rows[np.unique(np.linspace(0, rows.size - 1, _MOST_BEAMS).astype(int))]
+    times = station.time.values[rows].astype("datetime64[s]") + _MINUTES[:, None].astype("timedelta64[m]")
+    altitude = sun_of(station.isel(time=rows), times.ravel()).refracted_altitude_deg.reshape(times.shape)
+    beam = dni[rows] * np.maximum(np.sin(np.radians(altitude)), 0.0)
+    off = np.median(np.abs(ghi[rows] - dhi[rows] - beam), axis=1) / np.median(ghi[rows])
+    near = np.flatnonzero(off < 1.2 * off.min())  # morning and afternoon may do as well
+    minutes = int(min(_MINUTES[near], key=abs))
+    as_it_is = float(off[_MINUTES == 0][0])
+    if off.min() > _NEAR or as_it_is < max(_TIMES_BETTER * float(off.min()), _FAR):
+        return as_it_is < _FAR
+    if abs(minutes) < max(_TOLD_MINUTES, 60 * _step_h(station) + 1):  # values may be means of the time before or after
+        return False
+    raise UserError(f"global, direct and diffuse light agree with the sun {abs(minutes) / 60:.1f} hours "
+                    f"{'before' if minutes < 0 else 'after'} its times, and not at them: {_ASKED}")  # fmt: skip
+
+
+def _tell_by_night(station: xr.Dataset) -> None:
+    light = station["ghi" if "ghi" in station else "dhi"]
+    bright = light.isel(time=np.flatnonzero(light.values > _NIGHT_W_M2))
+    if not bright.size:
+        return
+    altitude = sun_of(station, bright.time.values).altitude_deg
+    down = altitude < _NIGHT_DEG - _DEG_PER_HOUR * _step_h(station)
+    if down.sum() >= _FEWEST_NIGHTS:
+        worst = int(np.argmax(np.where(down, bright.values, 0.0)))
+        when, most = np.datetime_as_string(bright.time.values[worst], "m"), float(bright.values[worst])
+        raise UserError(f"{most:.0f} W/m2 at {when}Z, when the sun is {-altitude[worst]:.0f} degrees down, and more "
+                        f"such: {_ASKED}")  # fmt: skip
+
+
+def _step_h(station: xr.Dataset) -> float:
+    """From one time to the next, as a rule."""
+    steps = np.diff(station.time.values)
+    return float(np.median(steps) / np.timedelta64(1, "h")) if steps.size else 0.0

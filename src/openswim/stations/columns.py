@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 _NAMES = {  # how names begin or read; the first is what a column of ours is called
     "ghi": r"ghi|global (horiz|cmp22|psp)",
     "dni": r"dni|direct (normal|chp1|nip)",
-    "dhi": r"dhi|diffuse (horiz|cm22|cmp22|psp|8-48)",
+    "dhi": r"dhi|diffuse (horiz|cm22|cmp22|psp|8-48)|diffuse$",
     "up": r"uw(_?sol(ar)?)?(_?\d+)?$",  # not of infrared light
     "temperature": r"temp(_air|_c)?$|(air )?temperature|deck dry bulb",
     "relative_humidity": r"rh$|rel(ative)?[ _]hum(idity)?",

@@ -64,7 +64,8 @@ def read_station(
     path = Path(path)
     kind = kind_of(path)
     if kind is None:
-        raise UserError(f"{path}: no station file of BSRN, SURFRAD, SOLRAD, MIDC or ARM, nor a table with utc and ghi")
+        raise UserError(f"{path}: no station file of BSRN, SURFRAD, SOLRAD, MIDC or ARM, nor a table with utc and ghi, "
+                        "or dni and dhi")  # fmt: skip
     try:
         data, place = _READERS[kind](path)
     except ImportError as error:
@@ -154,7 +155,7 @@ def kind_of(path: Path) -> str | None:
     first = [name.lower() for name in names_in(text)[0]]
     if any("mm/dd/yyyy" in name for name in first) or {"year", "doy"} <= set(first):
         return "MIDC"
-    return "table" if "utc" in first and any(name.startswith("ghi") for name in first) else None
+    return "table" if "utc" in first and any(name.startswith(("ghi", "dni", "dhi")) for name in first) else None
 
 
 def _bsrn(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
