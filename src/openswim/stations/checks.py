@@ -28,7 +28,8 @@ _BEAM_W_M2, _MOST_BEAMS, _FEWEST_BEAMS = 200.0, 60, 12  # values of direct light
 _MINUTES = np.arange(-720, 721, 10)  # that a clock may be off
 _TOLD_MINUTES = 30  # less is within what instruments disagree by
 _TIMES_BETTER, _FAR, _NEAR = 3.0, 0.05, 0.03  # than with the clock as it is; and share of global light
-_NIGHT_W_M2, _NIGHT_DEG, _DEG_PER_HOUR, _FEWEST_NIGHTS = 30.0, -4.0, 15.0, 5
+_NIGHT_W_M2, _NIGHT_DEG, _DEG_PER_HOUR = 30.0, -4.0, 15.0
+_FEWEST_NIGHTS, _NIGHTS = 5, 0.03  # values by night, and share of all bright ones, that are no faults of an instrument
 _ASKED = "are they UTC, and is the longitude counted east?"
 
 
@@ -122,7 +123,7 @@ def _tell_by_night(station: xr.Dataset) -> None:
         return
     altitude = sun_of(station, bright.time.values).altitude_deg
     down = altitude < _NIGHT_DEG - _DEG_PER_HOUR * _step_h(station)
-    if down.sum() >= _FEWEST_NIGHTS:
+    if down.sum() >= max(_FEWEST_NIGHTS, _NIGHTS * bright.size):
         worst = int(np.argmax(np.where(down, bright.values, 0.0)))
         when, most = np.datetime_as_string(bright.time.values[worst], "m"), float(bright.values[worst])
         raise UserError(f"{most:.0f} W/m2 at {when}Z, when the sun is {-altitude[worst]:.0f} degrees down, and more "
