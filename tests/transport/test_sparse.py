@@ -115,3 +115,31 @@ def test_skies_by_fewer_rays_are_those_by_all(alike: float, told: float, rms: fl
     assert np.mean(off > 0) > told
     assert np.sqrt((off**2).mean()) < rms
     assert np.percentile(off, 99.9) < most
+
+
+def test_faint_light_beside_bright_needs_few_rays() -> None:
+    light, through, ends = _gentle(on_land=False)
+    light[np.mgrid[:ROWS, :COLUMNS][1] > 30] *= 1.5
+    world = World(light, through, ends)
+    beside = np.full(light.size, 100.0)
+    found = sparse.march(
+        world.march, 0 * world.direction, world.direction, ends.ravel(), None, world.image, ALIKE, beside
+    )
+    count = len(world.marched)
+    assert count < 0.12 * light.size
+    exact = world.exact()
+    assert abs(found.radiance - exact.radiance).max() < ALIKE * 100
+    alone = World(light, through, ends)
+    alone.seen()
+    assert len(alone.marched) > 1.5 * count
+
+
+def test_nights_by_fewer_rays_are_those_by_all() -> None:
+    """Moon, dusk and the sky's own light, of which the brightest is looked at most."""
+    lit = openswim.light(demo_scene(16, 16, 16, spacing_m=1000.0), Solver(quality="preview"), time="2024-06-20T22:00")
+    assert len(lit.lights) > 1
+    eye = lit.viewpoint(Camera.allsky(*lit.scene.place, size=64))
+    fewer, all_rays = (eye.view(irradiance=False, sparse=way).radiance.values for way in (0.1, 0.0))
+    off = np.abs(fewer / all_rays - 1)[np.isfinite(all_rays)]
+    assert np.mean(off > 1e-6) > 0.4
+    assert np.sqrt((off**2).mean()) < 5.6e-3

@@ -14,6 +14,7 @@ from openswim.transport.view.seen import View
 from openswim.transport.view.sight import Sight
 
 F64 = NDArray[np.float64]
+_PROBES = 256  # rays that tell which light is the brightest
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +40,22 @@ class Eyes:
         return cls(tuple(light.field.viewpoint(rays) for light in lights), tuple(light.strength for light in lights))
 
     def view(self, rays: Rays) -> View:
-        """Radiance along rays from the eye, in all lights."""
-        views = [eye.view(rays) for eye in self.every]
-        radiance = sum(view.radiance * strength for view, strength in zip(views, self.strength, strict=True))
+        """Radiance along rays from the eye, in all lights. Of a picture by fewer rays the brightest is seen first, and
+        the others need the fewer beside it."""
+        picture = rays.image is not None
+        radiance: F64 = np.zeros(())
+        views: list[View] = []
+        for n in self._brightest_first(rays) if picture else range(len(self.every)):
+            own = replace(rays, beside=_in_units_of(self.strength[n], radiance)) if picture and views else rays
+            views.append(self.every[n].view(own))
+            radiance = radiance + views[-1].radiance * self.strength[n]
         return replace(views[0], radiance=np.asarray(radiance, np.float32), samples=sum(view.samples for view in views))
+
+    def _brightest_first(self, rays: Rays) -> list[int]:
+        """Numbers of the lights, by what some of the rays see."""
+        some = rays[:: max(1, len(rays) // _PROBES)]
+        light = [float((eye.view(some).radiance * s).mean()) for eye, s in zip(self.every, self.strength, strict=True)]
+        return sorted(range(len(light)), key=lambda n: -light[n])
 
     def sight(self, rays: Rays) -> Sight:
         """What rays look at, whatever the light."""
@@ -57,3 +70,10 @@ class Eyes:
 
     def through(self, rays: Rays) -> Transmission:
         return self.every[0].through(rays)
+
+
+def _in_units_of(strength: F64, radiance: F64) -> F64:
+    """(n,): how much of a light of a ``strength`` (nw,) radiance (n, nw) is, at the wavelength at which it is least."""
+    shining = strength > 0
+    least = (radiance[:, shining] / strength[shining]).min(axis=-1, initial=1e30)
+    return np.where(least < 1e30, least, 0.0)

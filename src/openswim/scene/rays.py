@@ -13,7 +13,7 @@ class Rays:
     parallel view, or one per ray (n, 3).  At least one of them has n rows. `width_rad`: the side of
     what a ray stands for, one number or (n,).  `image` (ny, nx): which ray is a pixel's, -1 where none is, of rays
     that make a picture which may be seen by fewer, and how much `alike` neighbours are then
-    (`transport/view/sparse.py`); parts of them make none.
+    (`transport/view/sparse.py`), with the light `beside` (n,) that they have anyhow; parts of them make none.
     """
 
     origin_m: np.ndarray
@@ -21,6 +21,7 @@ class Rays:
     width_rad: float | np.ndarray = 0.0
     image: np.ndarray | None = None
     alike: float = 0.0
+    beside: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         self.origin_m = np.asarray(self.origin_m, dtype=float)

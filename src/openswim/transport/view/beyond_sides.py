@@ -17,7 +17,7 @@ the Earth and the Earth to be flat, as far as it matters. What the air outside s
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -136,7 +136,8 @@ class Beyond:
         least = min(0.25 * min(medium.cell_m), 0.01 * self._reach_m)
         distance = np.concatenate([[0.0], np.geomspace(least, self._reach_m, _DISTANCES)])
         height = medium.levels_m[: self._levels] - medium.ground_m
-        views = [_View.of(u, height, self._air_depth(height)) for u in distance]
+        views = _views(*(np.ascontiguousarray(part, float).tobytes() for part in (distance, height)),
+                       self._air_depth(height).tobytes())  # fmt: skip
         leaving = [self._through_sides(w) for w in range(count)]
         tables = []
         for side in range(4):
@@ -187,6 +188,13 @@ class Beyond:
         steps = 0.5 * (extinction[:, 1:] + extinction[:, :-1]) * np.diff(height)
         depth = np.cumsum(np.pad(steps, ((0, 0), (1, 0))), axis=1)
         return np.stack([own - np.interp(0.0, height, own) for own in depth])
+
+
+@lru_cache(maxsize=2)  # all lights of a scene, and all times of a series, look at sides alike
+def _views(distance: bytes, height: bytes, depth: bytes) -> list[_View]:
+    """From each distance, see `_View.of`."""
+    ways, levels = np.frombuffer(distance), np.frombuffer(height)
+    return [_View.of(float(u), levels, np.frombuffer(depth).reshape(-1, len(levels))) for u in ways]
 
 
 class _View(NamedTuple):

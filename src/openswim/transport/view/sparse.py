@@ -28,14 +28,17 @@ March = Callable[[F64, F64, F64 | None, F64 | None], Seen]  # `AimedGrid.march`
 
 BLOCKS = (4, 2)  # pixels along a side
 _WHITE = 4.0  # radiance L' of the brightest ground: Eq. 2 of Albers et al. (2020)
+_BRIGHTER = 100.0  # times as bright as the brightest of the light along rays the ground may be, whose sun may be down
 _LONGER = 1.5  # times as far as the nearest ground of a block the farthest may be
 _DEEPEST = 80.0
 
 
 def march(
-    every: March, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None, image: Numbers, alike: float
-) -> Seen:
-    """What rays (n, 3) see; ``image`` (ny, nx): which of them is a pixel's, -1 where there is none."""
+    every: March, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None, image: Numbers, alike: float,
+    beside: F64 | float = 0.0,
+) -> Seen:  # fmt: skip
+    """What rays (n, 3) see; ``image`` (ny, nx): which of them is a pixel's, -1 where there is none. ``beside`` (n,):
+    light of other sources that counts with their own where that is compared."""
     n = len(direction)
 
     def marched(some: Numbers) -> Seen:
@@ -47,7 +50,7 @@ def march(
     out, samples, known = Seen.nothing(n, seen.depth.shape[1]), seen.samples, np.zeros(n, bool)
     _put(out, known, first[first >= 0], seen)
     for side, half in pairwise((*BLOCKS, 1)):
-        _tell(out, known, ends, image, side, alike)
+        _tell(out, known, ends, image, side, alike, np.broadcast_to(beside, n))
         nodes = image[::half, ::half]
         new = nodes[(nodes >= 0) & ~known[nodes]] if half > 1 else np.flatnonzero(~known)
         if new.size:
@@ -63,7 +66,9 @@ def _put(out: Seen, known: Mask, where: Numbers, seen: Seen) -> None:
     known[where] = True
 
 
-def _tell(out: Seen, known: Mask, ends: F64 | None, image: Numbers, side: int, alike: float) -> None:
+def _tell(
+    out: Seen, known: Mask, ends: F64 | None, image: Numbers, side: int, alike: float, beside: F64
+) -> None:  # fmt: skip
     """Fill in the rays within the blocks of a side that their corners tell."""
     nodes = image[::side, ::side]
     distance = out.distance[nodes]
@@ -71,7 +76,8 @@ def _tell(out: Seen, known: Mask, ends: F64 | None, image: Numbers, side: int, a
     way = np.where(distance >= 0, distance, 1.0).astype(np.float32)[..., None]  # whose light is told per metre
     parts = {"radiance": out.radiance[nodes] / way, "through": _depth(out.through[nodes]) / way,
              "full": _depth(out.full[nodes]) / way, "depth": out.depth[nodes] / way}  # fmt: skip
-    told = _goes_on(out.radiance[nodes], out.through[nodes], parts["radiance"], parts["through"], way, kind, alike)
+    whole = out.radiance[nodes] + beside[nodes].astype(np.float32)[..., None]
+    told = _goes_on(whole, out.through[nodes], parts["radiance"], parts["through"], way, kind, alike)
     told &= np.logical_and.reduce(_within(image >= 0, side)) & _same_ends(out, ends, image, nodes, side)
     rows, columns = np.nonzero(told)
     for j, i in product(range(side), range(side)):
@@ -103,7 +109,8 @@ def _goes_on(
 ) -> Mask:
     """Whether what the corners of blocks have seen goes on straight along their sides."""
     mean = _over_corners(np.add, light) / 4
-    least = np.maximum(_over_corners(np.add, through) / 4, mean / _WHITE)
+    white = min(_WHITE, _BRIGHTER * float((light_per_m * way_m).max(initial=0.0)))
+    least = np.maximum(_over_corners(np.add, through) / 4, mean / max(white, 1e-30))
     good = np.logical_and.reduce([kind[:-1, :-1] == part for part in (kind[1:, :-1], kind[:-1, 1:], kind[1:, 1:])])
     good &= kind[:-1, :-1] >= 0
     for axis in (0, 1):

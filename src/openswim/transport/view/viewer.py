@@ -118,16 +118,16 @@ class AimedGrid:
 
     def seen(
         self, origin: F64, direction: F64, width_rad: F64 | None = None, image: NDArray[np.int64] | None = None,
-        alike: float = 0.0,
+        alike: float = 0.0, beside: F64 | float = 0.0,
     ) -> Seen:  # fmt: skip
-        """What rays (n, 3) of a width (n,) see, the light of the ground included; ``image`` and ``alike``: see
-        `sparse.march`."""
+        """What rays (n, 3) of a width (n,) see, the light of the ground included; ``image``, ``alike`` and ``beside``:
+        see `sparse.march`."""
         ends = None if self.relief is None else self.relief.meet(origin, direction)
         cone = None if width_rad is None else np.stack([np.zeros(len(direction)), width_rad], axis=-1)
         if image is None:
             found = self.march(origin, direction, ends, cone)
         else:
-            found = sparse.march(self.march, origin, direction, ends, cone, image, alike)
+            found = sparse.march(self.march, origin, direction, ends, cone, image, alike, beside)
         place = origin + direction * found.distance[:, None]
         width_m = (0.01 if width_rad is None else width_rad) * found.distance
         for number, level in enumerate(self.levels):  # as the grid has it in which rays end
@@ -233,7 +233,8 @@ class Viewer:
                 tile = rays[part]
                 origin, direction = tile.origins(), tile.directions()
                 width_rad = np.array(np.broadcast_to(np.asarray(tile.width_rad, float), len(tile)))
-                seen = grid.seen(origin, direction, width_rad, image, rays.alike)
+                beside = 0.0 if rays.beside is None else rays.beside[part]
+                seen = grid.seen(origin, direction, width_rad, image, rays.alike, beside)
                 hit = seen.distance >= 0
                 position = np.full((len(tile), 3), np.nan)
                 position[hit] = origin[hit] + direction[hit] * seen.distance[hit, None]
@@ -254,7 +255,8 @@ class Viewer:
             for part in np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1):
                 yield part, AimedGrid.at(self.lit, rays.directions()[part[0]], True, None, [self.grid.sky]), None
         elif rays.image is not None:
-            rows = max(3, _TILE_RAYS // rays.image.shape[1] // 2 * 2 - 1)  # odd: blocks between the tile's own corners
+            side = sparse.BLOCKS[0]
+            rows = max(1, _TILE_RAYS // rays.image.shape[1] // side) * side + 1  # blocks between the tile's own corners
             for a in range(0, len(rays.image), rows):
                 tile = rays.image[a : a + rows]
                 part = tile[tile >= 0]
