@@ -183,6 +183,14 @@ def test_mistakes_are_one_line(
     assert says in said[0]
 
 
+def test_hourly_values_do_not_tell_a_steady_sky(station: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = station.read_text().splitlines()
+    station.write_text("\n".join([lines[0], *lines[1::60]]) + "\n")
+    assert run([*BESIDE, "--station", str(station)]) == 2
+    said = capsys.readouterr().err
+    assert "values are 60 minutes apart: that it is steady is told by several within ten" in said
+
+
 def test_beside_an_overcast_day_the_clear_sky_is_written_and_checks_are_in_words(
     station: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -218,7 +218,7 @@ def _clear_beside(request: IrradianceRequest, station: xr.Dataset) -> tuple[xr.D
     import openswim
     from openswim.stations.checks import sun_of
     from openswim.stations.clear_day import fit_aerosol, scene_over
-    from openswim.stations.clear_sky import clear_times
+    from openswim.stations.clear_sky import WINDOW_MINUTES, clear_times, minutes_apart
 
     place, options = (station.attrs["latitude"], station.attrs["longitude"]), _options(request)
     found = _aeronet(request)
@@ -239,7 +239,9 @@ def _clear_beside(request: IrradianceRequest, station: xr.Dataset) -> tuple[xr.D
     clear &= high
     click.echo(f"clear sky at {clear.sum()} of {high.sum()} times with the sun above {_LOWEST_SUN_DEG:g} degrees")
     if not clear.any():
-        what = "nothing to compare with a clear sky"
+        what, apart = "nothing to compare with a clear sky", minutes_apart(station.time.values)
+        if apart > WINDOW_MINUTES / 2:
+            what = f"whose values are {apart:g} minutes apart: that it is steady is told by several within ten, {what}"
         if request.fit is not None or (request.output is None and request.plot is None):
             raise UserError(f"{request.station}: clear sky at no time, {what}: give a model's FILES for --clear")
         click.echo(f"note: {what}; what is written is the clear sky's", err=True)

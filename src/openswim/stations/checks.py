@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.lights import SOLAR_CONSTANT_W_M2, SunTrack, sun_track
+from openswim.stations.clear_sky import minutes_apart
 
 POSSIBLE = {  # lowest value, then a S mu0^b + c
     "ghi": (-4.0, 1.5, 1.2, 100.0),
@@ -110,7 +111,7 @@ def _tell_by_beam(station: xr.Dataset) -> bool:
     as_it_is = float(off[_MINUTES == 0][0])
     if off.min() > _NEAR or as_it_is < max(_TIMES_BETTER * float(off.min()), _FAR):
         return as_it_is < _FAR
-    if abs(minutes) < max(_TOLD_MINUTES, 60 * _step_h(station) + 1):  # values may be means of the time before or after
+    if abs(minutes) < max(_TOLD_MINUTES, minutes_apart(station.time.values) + 1):  # means of the time before, or after
         return False
     raise UserError(f"global, direct and diffuse light agree with the sun {abs(minutes) / 60:.1f} hours "
                     f"{'before' if minutes < 0 else 'after'} its times, and not at them: {_ASKED}")  # fmt: skip
@@ -122,15 +123,9 @@ def _tell_by_night(station: xr.Dataset) -> None:
     if not bright.size:
         return
     altitude = sun_of(station, bright.time.values).altitude_deg
-    down = altitude < _NIGHT_DEG - _DEG_PER_HOUR * _step_h(station)
+    down = altitude < _NIGHT_DEG - _DEG_PER_HOUR * minutes_apart(station.time.values) / 60
     if down.sum() >= max(_FEWEST_NIGHTS, _NIGHTS * bright.size):
         worst = int(np.argmax(np.where(down, bright.values, 0.0)))
         when, most = np.datetime_as_string(bright.time.values[worst], "m"), float(bright.values[worst])
         raise UserError(f"{most:.0f} W/m2 at {when}Z, when the sun is {-altitude[worst]:.0f} degrees down, and more "
                         f"such: {_ASKED}")  # fmt: skip
-
-
-def _step_h(station: xr.Dataset) -> float:
-    """From one time to the next, as a rule."""
-    steps = np.diff(station.time.values)
-    return float(np.median(steps) / np.timedelta64(1, "h")) if steps.size else 0.0

@@ -39,6 +39,12 @@ def clear_times(
     return clear
 
 
+def minutes_apart(time: NDArray[np.datetime64]) -> float:
+    """From one time to the next, as a rule; 0 of a single one."""
+    steps = np.diff(time) / np.timedelta64(1, "s") / 60.0
+    return float(np.median(steps)) if steps.size else 0.0
+
+
 def _spread(time: NDArray[np.datetime64], ratio: F64) -> F64:
     """Standard deviation (n,) within the window about each time; infinite where fewer than three values are in it."""
     minutes = (time - time[0]) / np.timedelta64(1, "s") / 60.0

@@ -30,7 +30,7 @@ BLOCKS = (4, 2)  # pixels along a side
 _WHITE = 4.0  # radiance L' of the brightest ground: Eq. 2 of Albers et al. (2020)
 _BRIGHTER = 100.0  # times as bright as the brightest of the light along rays the ground may be, whose sun may be down
 _LONGER = 1.5  # times as far as the nearest ground of a block the farthest may be
-_DEEPEST = 80.0
+_DEEPEST, _NEAREST_M = 80.0, 1e-3
 
 
 def march(
@@ -69,11 +69,11 @@ def _put(out: Seen, known: Mask, where: Numbers, seen: Seen) -> None:
 def _tell(
     out: Seen, known: Mask, ends: F64 | None, image: Numbers, side: int, alike: float, beside: F64
 ) -> None:  # fmt: skip
-    """Fill in the rays within the blocks of a side that their corners tell."""
+    """Fill in the rays within the blocks of a side that their corners tell, of those to the ground per metre."""
     nodes = image[::side, ::side]
     distance = out.distance[nodes]
     kind = np.where(nodes >= 0, 2 * out.level[nodes] + (distance >= 0), -1)
-    way = np.where(distance >= 0, distance, 1.0).astype(np.float32)[..., None]  # whose light is told per metre
+    way = np.where(distance >= 0, np.maximum(distance, _NEAREST_M), 1.0).astype(np.float32)[..., None]
     parts = {"radiance": out.radiance[nodes] / way, "through": _depth(out.through[nodes]) / way,
              "full": _depth(out.full[nodes]) / way, "depth": out.depth[nodes] / way}  # fmt: skip
     whole = out.radiance[nodes] + beside[nodes].astype(np.float32)[..., None]
