@@ -18,6 +18,7 @@ from openswim.comparison import cloud_correction, skies
 from openswim.comparison.skies import Skies
 from openswim.errors import UserError
 from openswim.scene.atmosphere import Atmosphere
+from openswim.solver import Solver
 
 TIME = np.datetime64("2024-06-20T08:00", "ms")
 AXIS = np.arange(21) * 500.0
@@ -55,6 +56,20 @@ def test_the_clear_sky_stands_on_the_ground_under_the_camera(height_m, above, ex
     ground_m, eye_m = found[0]
     assert ground_m == pytest.approx(expected[0])
     assert eye_m == pytest.approx(expected[1], abs=0.02)
+
+
+def test_a_series_shows_what_the_model_knows_and_no_more():
+    """Invented detail (decision 17) is for pictures that are looked at; who asks for it has it in a series, too."""
+
+    def detail(**chosen):
+        return Skies(None, **chosen).solver.detail
+
+    assert detail()
+    assert not detail(table=True)
+    assert detail(table=True, detail=True)
+    assert not detail(detail=False)
+    assert not detail(solver=Solver("fast", detail=False))
+    assert Skies(None, Solver("fast", quality="preview"), table=True).solver.quality == "preview"
 
 
 def test_one_light_of_a_scene_serves_all_cameras(monkeypatch):

@@ -45,6 +45,8 @@ def calibrate(**options: Any) -> None:
 @click.option("--albedo", type=float, help="Of the ground below the clear sky.  [default: the model's; of --clear .15]")
 @solver("swim", "fast")
 @quality
+@click.option("--detail/--no-detail", default=None,
+              help="See more of near clouds and land than MODEL knows.  [default: of a single frame]")  # fmt: skip
 @frame_options
 @click.option("--ghi", "ghi_w_m2", type=float, help="Global irradiance beside the camera, W/m2: fixes its scale.")
 @click.option("--dhi", "dhi_w_m2", type=float, help="Diffuse irradiance beside the camera, W/m2: fixes its scale.")

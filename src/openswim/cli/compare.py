@@ -40,6 +40,7 @@ class CompareRequest:
     albedo: float | None = None
     solver: str = "fast"
     quality: str | None = None
+    detail: bool | None = None
     size: int | None = None
     sun_mask_deg: float | None = None
     lowest_deg: float | None = None
@@ -80,7 +81,7 @@ def run(request: CompareRequest) -> None:
         raise UserError(f"--quality belongs to --solver fast; leave it out with {request.solver}")
     solver = Solver(request.solver, quality=request.quality or "standard")
     preload()
-    skies = skies_of(model, solver, request.aod, request.albedo, table=len(listed) > 1)
+    skies = skies_of(model, solver, request.aod, request.albedo, None, len(listed) > 1, request.detail)
     known = known_camera(content, settings, request.clear_frame, solver, skies)
     jobs = 1 if len(listed) == 1 else jobs
     progress = Progress(jobs)

@@ -31,6 +31,7 @@ def compare(
     aod: float | None = None,
     albedo: float | None = None,
     sun: tuple[float, float] | None = None,
+    detail: bool | None = None,
     **settings: Any,
 ) -> xr.Dataset:
     """Compare frames of a camera with what a model would show it (docs/compare.md).
@@ -41,13 +42,14 @@ def compare(
     time : UTC, of a single frame where nothing else tells it.
     clear_frame : a frame of the same camera under a clear sky, which gives its response and white balance.
     aod, albedo : of the clear sky in place of the default or the model's; aerosol is never fitted.
+    detail : whether to see more of near clouds and land than the model knows; by default of a single frame only.
     settings : `size` (columns to average to), `sun_mask_deg`, `lowest_deg`, `encoding`, `ghi_w_m2`, `dhi_w_m2` (what a
         pyranometer beside the camera measures), `aod_range`.
     """
     content = camera_content(camera)
     chosen = settings_of(settings)
     listed = [frames] if isinstance(frames, SkyFrame | str | os.PathLike) else list(frames)
-    skies = skies_of(model, solver, aod, albedo, sun, table=len(listed) > 1)
+    skies = skies_of(model, solver, aod, albedo, sun, len(listed) > 1, detail)
     known = known_camera(content, chosen, clear_frame, solver, skies)
     if len(listed) != 1:
         return scores_over_time(skies, listed, content, chosen, known)

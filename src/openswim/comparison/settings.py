@@ -61,8 +61,9 @@ class KnownCamera:
 
 
 def skies_of(
-    model: Model, solver: str | Solver, aod: float | None, albedo: float | None, sun: Any = None, table: bool = False
-) -> Skies:
+    model: Model, solver: str | Solver, aod: float | None, albedo: float | None, sun: Any = None, table: bool = False,
+    detail: bool | None = None,
+) -> Skies:  # fmt: skip
     """The skies of a model, checked."""
     if not (model is None or isinstance(model, Scene | LitScene)):
         paths("model", model)
@@ -73,7 +74,7 @@ def skies_of(
     if isinstance(model, LitScene) and aod is not None:
         raise UserError("compare: the light of this model is solved: leave out aod, or give the scene")
     aod = DEFAULT_AOD if model is None and aod is None else aod
-    return Skies(model, solver, aod, albedo, sun, table)
+    return Skies(model, solver, aod, albedo, sun, table, detail)
 
 
 def frame_of(frame: Any, content: CameraFile, time: Any = None, alone: bool = True) -> SkyFrame:

@@ -13,7 +13,7 @@ from openswim.cameras import Camera
 from openswim.comparison.clear_table import ClearTable
 from openswim.comparison.prepared import pixels_of
 from openswim.errors import UserError
-from openswim.lighting import WAVELENGTHS_NM, light, sun_over_camera
+from openswim.lighting import WAVELENGTHS_NM, light, solver_of, sun_over_camera
 from openswim.lights import sun_position
 from openswim.optics.chosen import with_aerosol
 from openswim.pictures.observer import place_of, terrain_below
@@ -35,7 +35,12 @@ _EPOCH, _LIGHT = np.datetime64("1970-01-01", "ms"), np.timedelta64(int(60_000 * 
 @dataclass(eq=False)
 class Skies:
     """A model (None: the clear sky alone) as cameras see it; light is solved when it is first asked for, and kept while
-    frames are near in time."""
+    frames are near in time.
+
+    detail: whether more is seen of near clouds and land than the model knows (decisions 17 and 20), by default where
+    the solver has it and not in a `table`: pictures look like photographs by it, but no more like the real sky, and
+    cost twice as much. A model that is a `LitScene` is seen as it was lit.
+    """
 
     model: Model
     solver: str | Solver = "fast"
@@ -43,12 +48,18 @@ class Skies:
     albedo: float | None = None
     sun: tuple[float, float] | None = None  # in place of the frames' times
     table: bool = False  # clear skies by interpolation in solar altitude: for many frames
+    detail: bool | None = None
     _lit: tuple[Any, LitScene] | None = field(default=None, repr=False)
     _clear: dict[Any, LitScene] = field(default_factory=dict, repr=False)
     _tables: dict[Any, ClearTable] = field(default_factory=dict, repr=False)
     _states: list[tuple[np.datetime64 | None, list[Path]]] | None = field(default=None, repr=False)
     _place: tuple[float, float] | None = field(default=None, repr=False)  # of a flat model
     _picture: tuple[LitScene, Camera, Viewpoint, xr.Dataset] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        chosen = solver_of(self.solver)
+        detail = chosen.detail and not self.table if self.detail is None else self.detail
+        self.solver = replace(chosen, detail=detail)
 
     def sun_at(self, camera: Camera, time: np.datetime64) -> tuple[float, float]:
         """Azimuth and altitude (degrees) at which the sun is seen, or from which its twilight comes."""

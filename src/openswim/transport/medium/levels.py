@@ -14,6 +14,7 @@ _MOST_LEVELS, _MOST_LAYER_LEVELS = 160, 640
 LAYERS_DEGREE = 32  # truncation order M of the light in layers without sides (`columns.discrete_ordinates`)
 _CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
 _CELL_DEPTH = 0.7  # optical depth above which a cell is divided
+_FLATTEST = 0.05  # of its depth across, that of a cell from below: flatter ones tell no more where columns are thick
 _SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
 _AIR_TOP_M = 18_000.0  # of levels above a scene's own
 _FINEST_M, _COARSEST_M, _FLATNESS = 100.0, 300.0, 0.1  # least distance of levels, and its share of a cell's width
@@ -49,12 +50,12 @@ def own_levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
 
 
 def refined_levels(
-    levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, share: float
+    levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, share: float, sides: bool = False
 ) -> F64:
     """Divide layers that are taller than a cell is wide, or optically too thick (docs/fast.md, F2).
 
     ``share`` of the usual depth that a layer may have where cloud covers most columns: broken cloud is lit
-    from its sides.
+    from its sides. sides: columns share their light, and where cells stay thick across flat ones tell no more.
     """
     if total is None:
         return levels
@@ -62,13 +63,15 @@ def refined_levels(
     parts = np.clip(np.ceil(dz / cell_m - 0.01), 1, 3)
     flat = total.reshape(total.shape[0], -1)
     own = heights if heights.ndim == 1 else heights.reshape(heights.shape[0], -1).mean(axis=1)
-    cloudy = np.array([np.percentile(row[row > 0], 90) if (row > 0).any() else 0.0 for row in flat])
+    cloudy = _of_most(flat, flat)
+    uneven = _of_most(_uneven(total).reshape(flat.shape), flat) if sides else np.zeros(len(flat))
     covered = np.clip(4 * (flat > 0).any(axis=0).mean() - 2, 0.0, 1.0)
     beyond = 0.0 if heights.ndim == 1 else None  # below a model's lowest nodes on the mean lie those of its valleys
     middle = 0.5 * (levels[1:] + levels[:-1])
     scaled = _SCALED / (1 + (share - 1) * covered)
     depth = scaled * np.interp(middle, own, cloudy, left=beyond, right=beyond) * dz
-    parts = np.maximum(parts, np.clip(np.ceil(depth / _CELL_DEPTH), 1, 16))
+    across = scaled * np.interp(middle, own, uneven, left=beyond, right=beyond) * cell_m
+    parts = np.maximum(parts, np.clip(np.ceil(depth / np.maximum(_CELL_DEPTH, _FLATTEST * across)), 1, 16))
     # where spacing changes within cloud, sweeps make light or lose it: the layers beside are divided as finely
     in_cloud = depth > _CLOUDY_DEPTH
     beside = np.pad(np.where(in_cloud, dz / parts, np.inf), 1, constant_values=np.inf)
@@ -80,14 +83,22 @@ def refined_levels(
     return np.concatenate([*pieces, levels[-1:]])
 
 
-def halvings_for(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int) -> int:
-    """How often to halve columns until nine cloudy cells in ten are not too thick across, or nodes too many.
+def _of_most(field: NDArray, total: NDArray) -> F64:
+    """(nz,): what nine cloudy cells in ten of each level (nz, n) have at most."""
+    return np.array([np.percentile(row[own > 0], 90) if (own > 0).any() else 0.0
+                     for row, own in zip(field, total, strict=True)])  # fmt: skip
 
-    What is even need not be divided, however thick."""
+
+def _uneven(total: F32) -> F32:
+    """Extinction of each node that columns as wide do not tell: what is even need not be divided, however thick."""
+    return np.minimum(total, 4 * _difference_across(total))
+
+
+def halvings_for(levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int) -> int:
+    """How often to halve columns until nine cloudy cells in ten are not too thick across, or nodes too many."""
     depth = 0.0
     if total is not None and (cloudy := total > 0).any():
-        uneven = np.minimum(total, 4 * _difference_across(total))[cloudy]
-        depth = _SCALED * float(np.percentile(uneven, 90)) * cell_m
+        depth = _SCALED * float(np.percentile(_uneven(total)[cloudy], 90)) * cell_m
     halvings = 0
     while depth > _CELL_DEPTH * 2**halvings:
         parts, finer = 2 ** (halvings + 1), columns * 4 ** (halvings + 1)

@@ -141,9 +141,7 @@ def plan_medium(matter: Matter, terrain_m: F32, mu_sun: float, asked: Fineness) 
     cover = matter.cover if species else None
     levels = own_levels(heights, terrain_m, grid.curved)
     fields = [s.extinction_per_m for s in species] + ([] if cover is None else [cover])
-    sideless = (
-        grid.periodic and not terrain_m.any() and all((field == field[:, :1, :1]).all() for field in fields)
-    )
+    sideless = grid.periodic and not terrain_m.any() and all((field == field[:, :1, :1]).all() for field in fields)
     cell_m, divisions = min(dx, dy), 0
     if sideless:
         # plane-parallel: one column without sides, so that level light need not be chased around the period
@@ -154,14 +152,17 @@ def plan_medium(matter: Matter, terrain_m: F32, mu_sun: float, asked: Fineness) 
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
     elif asked.refine:
-        if asked.divide and not sideless and cover is None and cell_m < WIDE_CELL_M:
+        sides = not sideless and cover is None and cell_m < WIDE_CELL_M
+        if asked.divide and sides:
             divisions = halvings_for(levels, heights, total, cell_m, ny * nx)
         share = 1.0  # on the Earth, where levels do not follow the hour
         if sideless:
             share = 0.35 * max(mu_sun, 0.12)  # of one column, levels cost little
         elif not grid.curved:
             share = float(np.clip(2 * mu_sun, 0.2, 1.0))  # a low sun's beam fades within less height
-        levels = refined_levels(levels, heights, total, min(dx, dy) / 2**divisions, ny * nx * 4**divisions, share)
+        levels = refined_levels(
+            levels, heights, total, min(dx, dy) / 2**divisions, ny * nx * 4**divisions, share, sides
+        )
     fineness = 1
     if grid.curved and (asked.refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, asked.refine)
