@@ -70,6 +70,8 @@ def test_a_series_shows_what_the_model_knows_and_no_more():
     assert not detail(detail=False)
     assert not detail(solver=Solver("fast", detail=False))
     assert Skies(None, Solver("fast", quality="preview"), table=True).solver.quality == "preview"
+    lit = openswim.light(Scene.clear(47, 8), time=TIME)
+    assert Skies(lit, table=True).invents  # as it was lit
 
 
 def test_one_light_of_a_scene_serves_all_cameras(monkeypatch):

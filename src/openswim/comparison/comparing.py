@@ -54,5 +54,3 @@ def compare(
     if len(listed) != 1:
         return scores_over_time(skies, listed, content, chosen, known)
     return compare_frame(skies, frame_of(listed[0], content, time), content, chosen, known)
-
-

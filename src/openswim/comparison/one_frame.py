@@ -145,9 +145,7 @@ def as_stored(simulated: F64, frame: Prepared, region: Region, known: KnownCamer
     return encoded(np.clip(np.nan_to_num(light), 0, 1), frame.encoding)
 
 
-def _aerosol_range(
-    scores: Scores, skies: Skies, frame: Prepared, region: Region, clear: F64, part: slice
-) -> None:
+def _aerosol_range(scores: Scores, skies: Skies, frame: Prepared, region: Region, clear: F64, part: slice) -> None:
     """Mean r with the response undone for half and twice the aerosol: how little r says of it."""
     from openswim.comparison.correlation import correlation
 
@@ -235,6 +233,8 @@ def _attributes(
     }
     if known.red_blue is not None:
         attrs["red_blue"] = known.red_blue
+    if skies.model is not None:
+        attrs["detail"] = f"{'more than' if skies.invents else 'what'} the model knows"
     if skies.model is not None and "valid_time" in image.attrs:
         attrs["model_time"] = image.attrs["valid_time"]
     return attrs

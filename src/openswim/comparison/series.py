@@ -46,7 +46,8 @@ def of_series(comparison: xr.Dataset, camera: Camera) -> xr.Dataset:
                                                                           "zenith", "units": "degree"}),
         sun_altitude=comparison.attrs["sun_altitude_deg"],
     )  # fmt: skip
-    kept.attrs = {name: comparison.attrs[name] for name in ("model", "solver", "aerosol_note", "sun_mask_deg")}
+    said = ("model", "solver", "detail", "aerosol_note", "sun_mask_deg")
+    kept.attrs = {name: comparison.attrs[name] for name in said if name in comparison.attrs}
     return kept
 
 
@@ -95,5 +96,3 @@ def _on_meridian(camera: Camera) -> tuple[NDArray[np.intp], NDArray[np.intp], ND
     there = np.isfinite(row) & (row > -0.5) & (row < ny - 0.5) & (column > -0.5) & (column < nx - 0.5)
     y, x = (np.where(there, np.round(np.nan_to_num(v)), 0).astype(np.intp) for v in (row, column))
     return y, x, there
-
-

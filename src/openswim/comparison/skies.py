@@ -132,6 +132,11 @@ class Skies:
         return min(self.states(), key=lambda state: abs((time if state[0] is None else state[0]) - time))
 
     @property
+    def invents(self) -> bool:
+        """Whether pictures show more of near clouds and land than the model knows."""
+        return bool((self.model.field.solver if isinstance(self.model, LitScene) else solver_of(self.solver)).detail)
+
+    @property
     def of_files(self) -> bool:
         """Whether the model is to be read."""
         return not (self.model is None or isinstance(self.model, Scene | LitScene))
