@@ -49,6 +49,33 @@ def test_videos_hold_every_frame_in_its_colours(tmp_path: Path, suffix: str) -> 
     assert max(off) <= 4
 
 
+@pytest.mark.slow
+def test_frames_of_videos_are_off_by_a_part_of_what_their_codec_loses(tmp_path: Path) -> None:
+    from openswim.colour.rgb import developed
+    from openswim.lighting import light
+    from openswim.scene.procedural import demo_scene
+
+    av = pytest.importorskip("av")
+    scene = demo_scene(64, 64, 20)
+    lights = [(1.0, light(scene, Solver("fast", quality="preview")))]
+    shot = making.Shot(NOON, Camera.allsky(*scene.place, size=256))
+
+    def shown(kind: str) -> np.ndarray:
+        return developed(making._frame(lights, shot, kind, 1.0, False).light.astype(np.float32), 1.0)
+
+    exact, video = shown("radiance"), shown("video")
+
+    def off(picture: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((picture.astype(float) - exact) ** 2)))
+
+    write_video(tmp_path / "exact.mp4", [exact] * 2, 24)
+    with av.open(str(tmp_path / "exact.mp4")) as container:
+        decoded = next(container.decode(video=0))
+    decoded = decoded.reformat(format="rgb24", src_colorspace="ITU709", dst_colorspace="ITU709").to_ndarray()
+    assert 0 < off(shown("pictures")) < 0.135
+    assert off(video) < 0.13 * off(decoded)  # rms adds by squares: a hundredth of the whole
+
+
 def test_static_film_does_not_flicker(tmp_path: Path) -> None:
     scenes, lines = _scenes([0, 1, 2, 3]), tmp_path / "k.png"
     folder = film(scenes, CAMERA, tmp_path / "frames", title=False, solver="swim", keogram=lines)
@@ -395,7 +422,7 @@ def test_a_camera_that_looks_one_way_knows_what_is_ahead(tmp_path: Path, altitud
     from openswim.lighting import light
 
     camera = Camera.perspective(47.0, 11.0, height_m=500.0, altitude_deg=altitude, size=16)
-    facts = _frame([(1.0, light(CLEAR, Solver("swim")))], Shot(NOON, camera), False, 1.0, False).facts
+    facts = _frame([(1.0, light(CLEAR, Solver("swim")))], Shot(NOON, camera), "pictures", 1.0, False).facts
     assert facts.get("ahead") == ahead
     assert ahead is None or facts["ahead_m"] == pytest.approx(1000.0, rel=1e-3)
 
