@@ -10,6 +10,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import Reader
 from openswim.readers.common.bounds import check_path
 from openswim.readers.common.kept import handed_over, looking
+from openswim.readers.common.prober import prober
 
 ENTRY_POINT_GROUP = "openswim.readers"
 
@@ -45,9 +46,10 @@ def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
     if len(paths) == 1:
         return {_reader_of(paths[0]): list(paths)}
     known: dict[Path, Reader | None] = {}
-    for path in paths:
-        with handed_over(), looking():  # of many files only one is open
-            known[path] = next((reader for reader in readers() if reader.detects(path)), None)
+    with prober():
+        for path in paths:
+            with handed_over(), looking():  # of many files only one is open
+                known[path] = next((reader for reader in readers() if reader.detects(path)), None)
     groups: dict[Reader, list[Path]] = {reader: [] for reader in known.values() if reader is not None}
     if not groups:
         raise UserError(_why_unknown(paths[0]))
