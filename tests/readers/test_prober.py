@@ -136,6 +136,14 @@ def test_a_killed_one_is_replaced(series):
         assert own.verdict(str(series[1])) == probe.SAFE
 
 
+def test_ctrl_c_is_for_whoever_asks_to_hear(series):
+    """A terminal tells all; the one that looks would leave those behind that look for it."""
+    with prober.prober() as own:
+        own.verdict(str(series[0]))
+        own._process.send_signal(signal.SIGINT)
+        assert own.verdict(str(series[1])) == probe.SAFE
+
+
 def test_it_ends_though_a_fork_holds_its_input(series, started):
     """As where another thread starts a process of multiprocessing meanwhile."""
     with prober.prober() as own:
