@@ -13,7 +13,8 @@ import pytest
 import xarray as xr
 
 from openswim.errors import UserError
-from openswim.readers import describe, open_scene
+from openswim.readers import describe, open_scene, states_of
+from openswim.readers.common.base import iso
 from openswim.readers.common.units import conversion
 from openswim.scene import Scene
 from openswim.scene.procedural import demo_scene
@@ -202,6 +203,27 @@ def test_a_time_that_is_missing_among_others(tmp_path, position):
     assert named.time == np.datetime64("2024-06-21T18:00")
     assert not any("times are missing" in note for note in named.notes)
     assert describe(tmp_path / "model.nc").times == ["2024-06-21T12:00:00", "2024-06-21T18:00:00"]
+
+
+@pytest.mark.parametrize("kind", ["nc", "zarr"])
+def test_a_series_is_looked_through_for_its_times_alone(tmp_path, kind):
+    """Of files with two times and one that is missing, those that are known; what is wrong with times is said."""
+    paths = [tmp_path / f"{n}.{kind}" for n in range(2)]
+    for day, path in enumerate(paths):
+        times = np.array(["2024-06-21T12:00", "NaT", "2024-06-21T18:00"], "datetime64[ns]") + np.timedelta64(day, "D")
+        data = _dataset(liquid_content=(("time", "z", "y", "x"), np.stack(3 * [CONTENT]), {"units": "kg m-3"}))
+        data = data.assign_coords(time=times)
+        data.to_zarr(path, zarr_format=2) if kind == "zarr" else data.to_netcdf(path)
+    states = states_of(paths)
+    assert [files for _, files in states] == [paths[:1], paths[:1], paths[1:], paths[1:]]
+    assert [str(time) for time, _ in states][1::2] == ["2024-06-21T18:00:00.000", "2024-06-22T18:00:00.000"]
+    assert [iso(time) for time, _ in states] == sorted(each for path in paths for each in describe(path).times)
+    for attributes, said in (({"openswim_layout": 99}, "newer than this program's"), ({}, "time is not a date")):
+        other = data.assign_attrs(attributes).assign_coords(time=[1.0, 2.0, 3.0])
+        name = tmp_path / f"{len(attributes)}.other.{kind}"
+        other.to_zarr(name, zarr_format=2) if kind == "zarr" else other.to_netcdf(name)
+        with pytest.raises(UserError, match=f"{name.name}: .*{said}"):
+            states_of([*paths, name])
 
 
 def test_a_scene_without_time_has_the_one_asked_for(tmp_path):

@@ -7,12 +7,13 @@ import sys
 from pathlib import Path
 
 import netCDF4
+import numpy as np
 import pytest
 import xarray as xr
 from tests.readers.model_files import les_text, rams
 
 from openswim.errors import UserError
-from openswim.readers import describe, members_of, open_scene
+from openswim.readers import describe, members_of, open_scene, states_of
 from openswim.scene.procedural import demo_scene
 
 _opened: list[str] = []
@@ -58,6 +59,21 @@ def test_hdf5_is_opened_once(tmp_path: Path, opened: list[str], ask) -> None:
     assert opened.count(f"netCDF {path}") == 1
     assert opened.count(str(path)) <= 1
     assert not _still_open(path)
+
+
+@pytest.mark.parametrize("ask", [states_of, describe])
+def test_each_of_a_series_is_opened_once(tmp_path: Path, opened: list[str], ask) -> None:
+    """To see whose it is, and for its times."""
+    scene, paths = demo_scene(16, 16, 16), [tmp_path / f"{n}.nc" for n in range(3)]
+    for path in paths:
+        scene.to_netcdf(path)
+        scene.time += np.timedelta64(5, "m")
+    opened.clear()
+    ask(paths)
+    for path in paths:
+        assert opened.count(f"netCDF {path}") == 1
+        assert opened.count(str(path)) <= 1
+        assert not _still_open(path)
 
 
 def test_text_is_looked_at_once(tmp_path: Path, opened: list[str]) -> None:

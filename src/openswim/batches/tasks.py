@@ -18,6 +18,7 @@ from openswim.batches.plan_cameras import PlannedCamera
 from openswim.errors import UserError
 from openswim.readers import members_of, states_of
 from openswim.readers.common.base import iso, times_text
+from openswim.readers.common.prober import prober
 from openswim.system.inputs import size_and_change
 
 MOST_PICTURES = 1_000_000  # of all cameras
@@ -108,12 +109,13 @@ def part_of(tasks: Sequence[Task], part: tuple[int, int]) -> list[Task]:
 def _readable(plan: Plan, files: Sequence[Path], unreadable: dict[Path, str]) -> list[Path]:
     """Those of several files that can be read; the others are told."""
     good = []
-    for path in files:
-        try:
-            states_of([path], plan.allow_references)
-            good.append(path)
-        except UserError as error:
-            unreadable[path] = str(error)
+    with prober():
+        for path in files:
+            try:
+                states_of([path], plan.allow_references)
+                good.append(path)
+            except UserError as error:
+                unreadable[path] = str(error)
     return good
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from openswim.errors import UserError
 from openswim.readers.common.base import Reader
 from openswim.readers.common.bounds import check_path
 from openswim.readers.common.kept import handed_over, looking
+from openswim.readers.common.prober import prober
 
 ENTRY_POINT_GROUP = "openswim.readers"
 
@@ -38,16 +40,26 @@ def readers() -> tuple[Reader, ...]:
     return (*others, GRIBReader(), WRFReader(), CFReader(), *special, GriddedReader())
 
 
-def by_reader(paths: Sequence[Path]) -> dict[Reader, list[Path]]:
-    """The files by the readers that know them; one that joins parts may know some by the company they keep only."""
+def by_reader(
+    paths: Sequence[Path], ask: Callable[[Reader, Path], object] | None = None
+) -> dict[Reader, list[Path]]:
+    """The files by the readers that know them; one that joins parts may know some by the company they keep only.
+
+    ask : is called for each of several files while it is open, where its reader joins no parts; what is wrong with the
+        file will be said when it is asked again.
+    """
     for path in paths:
         check_path(path)
     if len(paths) == 1:
         return {_reader_of(paths[0]): list(paths)}
     known: dict[Path, Reader | None] = {}
-    for path in paths:
-        with handed_over(), looking():  # of many files only one is open
-            known[path] = next((reader for reader in readers() if reader.detects(path)), None)
+    with prober():
+        for path in paths:
+            with handed_over(), looking():  # of many files only one is open
+                known[path] = found = next((reader for reader in readers() if reader.detects(path)), None)
+                if ask is not None and found is not None and not hasattr(found, "read_parts"):
+                    with suppress(UserError):
+                        ask(found, path)
     groups: dict[Reader, list[Path]] = {reader: [] for reader in known.values() if reader is not None}
     if not groups:
         raise UserError(_why_unknown(paths[0]))

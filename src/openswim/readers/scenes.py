@@ -24,6 +24,7 @@ from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.domain.shores import astray
 from openswim.readers.registry import by_reader
+from openswim.readers.series import describe_series, files_at, files_by_time, info_of, times_of
 from openswim.scene import Grid, Ground, Scene
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
@@ -63,7 +64,7 @@ def open_scene(
     place = _neighbourhood(around, radius_km)
     # what comes of absurd numbers is checked in the end
     with references_allowed(allow_references), handed_over(), winds_asked(winds), np.errstate(all="ignore"):
-        groups: dict[Any, list[Path]] = dict(by_reader(paths))
+        groups: dict[Any, list[Path]] = dict(by_reader(paths, times_of))
         if member is not None:
             groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
@@ -81,7 +82,8 @@ def open_scene(
 def describe(path: Paths, allow_references: bool = False) -> SceneInfo:
     """What files hold and what will be assumed; `print(describe(path))` is `openswim info path`."""
     with references_allowed(allow_references), handed_over(), np.errstate(all="ignore"):
-        first, *others = [each for group in by_reader(files_of(path)).items() for each in _described(*group)]
+        first, *others = [each for group in by_reader(files_of(path), info_of).items()
+                          for each in _described(*group)]  # fmt: skip
     return replace(first, others=others)
 
 
@@ -90,11 +92,9 @@ def states_of(path: Paths, allow_references: bool = False) -> list[tuple[np.date
     (None, files) where they tell no time."""
     paths = files_of(path)
     with references_allowed(allow_references), handed_over(), np.errstate(all="ignore"):
-        groups = by_reader(paths)
+        groups = by_reader(paths, times_of)
         reader = next(iter(groups))
         if len(paths) > 1 and len(groups) == 1 and not hasattr(reader, "read_parts"):
-            from openswim.readers.series import files_by_time
-
             return list(files_by_time(reader, paths).items())
         infos = [each for group in groups.items() for each in _described(*group)]
     times = np.unique([np.datetime64(time, "ms") for each in infos for time in each.times])
@@ -125,8 +125,6 @@ def _described(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:
         return [reader.describe(paths[0])]
     if hasattr(reader, "describe_parts"):
         return [reader.describe_parts(paths)]
-    from openswim.readers.series import describe_series
-
     return describe_series(reader, paths)
 
 
@@ -153,8 +151,6 @@ def _open(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhood |
                            lambda beyond: reader.read_parts(paths, time, beyond))  # fmt: skip
     if len(paths) == 1:
         return _read(reader, paths[0], time, place)
-    from openswim.readers.series import files_at
-
     holding, time = files_at(reader, paths, time, place)
     if len(holding) == 1:
         return _read(reader, holding[0], time, place)

@@ -11,6 +11,7 @@ import numpy as np
 
 from openswim.errors import UserError
 from openswim.readers.common.base import SceneInfo, iso, times_text
+from openswim.readers.common.kept import once
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.scene.times import Time, parse_time
 
@@ -20,7 +21,7 @@ def files_at(reader: Any, paths: Sequence[Path], time: Time, place: Neighbourhoo
 
     Several where domains are nested: those that cover the place; without a place, the coarsest alone.
     """
-    times = {path: _times(reader, path) for path in paths}
+    times = {path: times_of(reader, path) for path in paths}
     everything = np.unique(np.concatenate([np.asarray(each, "datetime64[ms]") for each in times.values()]))
     if not everything.size:
         raise UserError(f"{paths[0]}: several files without times: open them one by one")
@@ -43,7 +44,7 @@ def files_by_time(reader: Any, paths: Sequence[Path]) -> dict[np.datetime64, lis
     """Every time of a series, ascending, and the files that hold it."""
     found: dict[np.datetime64, list[Path]] = {}
     for path in paths:
-        for time in np.unique(np.asarray(_times(reader, path), "datetime64[ms]")):
+        for time in np.unique(np.asarray(times_of(reader, path), "datetime64[ms]")):
             found.setdefault(time, []).append(path)
     if not found:
         raise UserError(f"{paths[0]}: several files without times: open them one by one")
@@ -53,7 +54,7 @@ def files_by_time(reader: Any, paths: Sequence[Path]) -> dict[np.datetime64, lis
 def describe_series(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:
     """The first file's description for every grid, with the times of all files on it."""
     series: dict[tuple[str, ...], list[SceneInfo]] = {}
-    for info in map(reader.describe, paths):
+    for info in (info_of(reader, path) for path in paths):
         series.setdefault((info.grid, info.projection, info.spacing), []).append(info)
     return [_joined(alike) for alike in series.values()]
 
@@ -65,10 +66,16 @@ def _joined(alike: Sequence[SceneInfo]) -> SceneInfo:
     return replace(alike[0], path=f"{alike[0].path} and {len(alike) - 1} more", times=times)
 
 
-def _times(reader: Any, path: Path) -> list[np.datetime64]:
+def times_of(reader: Any, path: Path) -> list[np.datetime64]:
+    """The times of one file of a series; within `handed_over` it is looked for them once."""
     if hasattr(reader, "times"):
-        return list(reader.times(path))
-    return [np.datetime64(time, "ms") for time in reader.describe(path).times]
+        return once("times", path, lambda: list(reader.times(path)))
+    return [np.datetime64(time, "ms") for time in info_of(reader, path).times]
+
+
+def info_of(reader: Any, path: Path) -> SceneInfo:
+    """The description of one file of a series; within `handed_over` it is made once."""
+    return once("info", path, lambda: reader.describe(path))
 
 
 def _nested(reader: Any, paths: Sequence[Path], time: np.datetime64, place: Neighbourhood | None) -> list[Path]:

@@ -22,7 +22,7 @@ from openswim.readers.common.base import (
 )
 from openswim.readers.common.bounds import check_size
 from openswim.readers.common.members import MEMBER_DIMS, member_index, member_numbers
-from openswim.readers.common.opening import opened, reading
+from openswim.readers.common.opening import opened, opened_part, outlined, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.readers.fields.absent import no_ground, no_sizes, no_species
 from openswim.scene import Grid, Scene
@@ -56,10 +56,9 @@ class CFReader:
     def detects(self, path: Path) -> bool:
         """True for files that say so, and for those with dimensions z, y, x and a variable of the layout."""
         try:
-            with opened(path, decode=False) as data:
-                on_levels = set(LEVEL_DIMS) <= set(data.dims)
-                known = any(is_known(str(name)) for name in data.variables)
-                return "openswim_layout" in data.attrs or (on_levels and known)
+            with outlined(path) as file:
+                on_levels = set(LEVEL_DIMS) <= file.dims
+                return "openswim_layout" in file.attrs or (on_levels and any(map(is_known, file.variables)))
         except UserError:
             return False
 
@@ -100,6 +99,13 @@ class CFReader:
         """The grid at one time; None for a clear sky."""
         with naming(path), _opened(path) as whole, reading(path, _NOT_THE_LAYOUT):
             return grid_of(upright(_of_member(path, _at_time(path, whole, time)[0], None, [])), [])
+
+    def times(self, path: Path) -> list[np.datetime64]:
+        """Those that are known, in the file's order."""
+        with naming(path), opened_part(path, ["time"]) as data, reading(path, _NOT_THE_LAYOUT):
+            _check_layout(path, data)
+            times = _times(data)
+            return list(times[~np.isnat(times)])
 
     def members(self, path: Path) -> set[int]:
         """Of an ensemble, by their own numbers."""
@@ -142,20 +148,22 @@ class CFReader:
 def _opened(path: Path) -> Iterator[xr.Dataset]:
     """The file as a lazy dataset; missing values become NaN, times datetime64."""
     with opened(path) as data:
-        layout = data.attrs.get("openswim_layout", LAYOUT)
-        try:
-            known = int(layout) <= LAYOUT
-        except (TypeError, ValueError):
-            raise UserError(f"{path}: openswim_layout is {str(layout)[:20]!r}, not a number: damaged file") from None
-        if not known:
-            raise UserError(
-                f"{path}: scene layout {layout} is newer than this program's ({LAYOUT}): upgrade it"
-            )
+        _check_layout(path, data)
         for name, variable in data.variables.items():
             if variable.dtype.kind in "OSUT" and _holds_numbers(str(name)):
                 raise UserError(f"{path}: {name} holds text: write it as numbers, as docs/scene-format.md describes")
         # an attribute "coordinates" may name fields; they are fields all the same
         yield data.reset_coords([name for name in data.coords if name not in data.dims and is_known(str(name))])
+
+
+def _check_layout(path: Path, data: xr.Dataset) -> None:
+    layout = data.attrs.get("openswim_layout", LAYOUT)
+    try:
+        known = int(layout) <= LAYOUT
+    except (TypeError, ValueError):
+        raise UserError(f"{path}: openswim_layout is {str(layout)[:20]!r}, not a number: damaged file") from None
+    if not known:
+        raise UserError(f"{path}: scene layout {layout} is newer than this program's ({LAYOUT}): upgrade it")
 
 
 def _holds_numbers(name: str) -> bool:

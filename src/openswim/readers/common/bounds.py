@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -18,6 +16,7 @@ import numpy as np
 from openswim.errors import UserError
 from openswim.readers.common import probe
 from openswim.readers.common.kept import first_bytes
+from openswim.readers.common.prober import prober
 from openswim.readers.common.references import LEFT_OUT
 from openswim.system.inputs import check_ordinary
 from openswim.system.machine import free_memory
@@ -38,7 +37,6 @@ _LARGEST_CHUNK = 1 << 30  # bytes
 _BYTES_PER_VALUE = 12  # while a field is read: as stored, as float32, and what is made of it
 _MOST_FILES = 1_000_000  # in a folder
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_PROBE_S = 120.0  # wall clock; the time it may compute is the probe's own matter
 
 _anywhere: ContextVar[bool] = ContextVar("openswim_allow_references", default=False)
 
@@ -103,34 +101,8 @@ def check_container(path: Path) -> None:
 
 @cache
 def _probed(path: str, changed_ns: int, size: int) -> int:
-    libraries = _libraries()
-    if libraries is None or not sys.executable or getattr(sys, "frozen", False):
-        return probe.UNKNOWN
-    try:
-        command = [sys.executable, "-I", "-S", str(probe.__file__), *libraries, path]
-        return subprocess.run(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=_PROBE_S
-        ).returncode
-    except subprocess.TimeoutExpired as error:
-        raise UserError(f"{path}: could not be looked at within {_PROBE_S:g} s: copy it to a local disk") from error
-    except OSError:
-        return probe.UNKNOWN
-
-
-@cache
-def _libraries() -> tuple[str, str] | None:
-    """The files of libnetcdf and libhdf5 that this process has loaded; None where the system does not tell."""
-    import netCDF4  # noqa: F401
-
-    try:
-        names = {line.split(maxsplit=5)[-1] for line in Path("/proc/self/maps").read_text().splitlines() if "/" in line}
-    except OSError:
-        return None
-    netcdf, hdf = (
-        sorted(name for name in names if os.path.basename(name).startswith((f"{stem}-", f"{stem}.so")))
-        for stem in ("libnetcdf", "libhdf5")
-    )
-    return (netcdf[0], hdf[0]) if netcdf and hdf else None
+    with prober() as own:
+        return own.verdict(path)
 
 
 def check_size(path: Path, name: str, shape: tuple[int, ...]) -> None:

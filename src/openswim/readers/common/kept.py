@@ -17,8 +17,9 @@ HEAD = 200_000  # bytes that tell of what kind a file is
 
 @dataclass
 class _Look:
-    """What is open, and what was found instead, by its kind and path; the files' first bytes."""
+    """What is open, and what was found instead, by its kind and path; the files' first bytes; what was found out."""
 
+    known: dict[tuple[str, Path], Any]
     looking: bool = False
     open: dict[tuple[str, Path], Any] = field(default_factory=dict)
     heads: dict[Path, bytes] = field(default_factory=dict)
@@ -31,7 +32,8 @@ _look: ContextVar[_Look | None] = ContextVar("openswim_look", default=None)
 def handed_over() -> Iterator[None]:
     """Within the block what was opened within `looking` is handed over to whoever opens it next; the rest is closed in
     the end. For files that do not change meanwhile."""
-    look = _Look()
+    outer = _look.get()
+    look = _Look({} if outer is None else outer.known)
     token = _look.set(look)
     try:
         yield
@@ -79,6 +81,16 @@ def leave(kind: str, path: Path, opened: Any) -> None:
         look.open[kind, path] = opened
     else:
         opened.close()
+
+
+def once(kind: str, path: Path, find: Callable[[], Any]) -> Any:
+    """What ``find`` finds out of a file; within the outermost block it is looked for once."""
+    look = _look.get()
+    if look is None:
+        return find()
+    if (kind, path) not in look.known:
+        look.known[kind, path] = find()
+    return look.known[kind, path]
 
 
 def first_bytes(path: Path) -> bytes:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
@@ -19,6 +20,9 @@ from openswim.readers.common.kept import leave, take
 from openswim.readers.common.references import LEFT_OUT, is_references, is_remote, references
 from openswim.scene.files import ZARR_MARKS
 from openswim.scene.times import with_signed_zone
+
+if TYPE_CHECKING:
+    import netCDF4
 
 
 @contextmanager
@@ -35,6 +39,64 @@ def opened(path: Path, decode: bool = True) -> Iterator[xr.Dataset]:
         leave("dataset", path, data)
 
 
+@contextmanager
+def outlined(path: Path) -> Iterator[Outline]:
+    """What a file holds by name, without a dataset where it is netCDF: that takes as long as to open the file."""
+    if not _is_netcdf(path):
+        with opened(path, decode=False) as data:
+            yield Outline(set(map(str, data.dims)), list(map(str, data.variables)), set(map(str, data.attrs)))
+        return
+    with _handle(path) as file:
+        yield Outline(set(file.dimensions), list(file.variables), set(file.ncattrs()))
+
+
+@contextmanager
+def opened_part(path: Path, names: Sequence[str]) -> Iterator[xr.Dataset]:
+    """As `opened`, of netCDF only these variables, of those that it holds."""
+    if not _is_netcdf(path):
+        with opened(path) as data:
+            yield data
+        return
+    with _handle(path) as file:
+        with _opening(path):
+            part = _xarray_of(_Part(file, names))
+        yield _dated(path, part)
+
+
+@dataclass
+class Outline:
+    """The names of what a file holds."""
+
+    dims: set[str]
+    variables: list[str]
+    attrs: set[str]
+
+
+class _Part(xr.backends.NetCDF4DataStore):
+    """Some variables of a file."""
+
+    def __init__(self, file: netCDF4.Dataset, names: Sequence[str]) -> None:
+        super().__init__(file)
+        self._names = names
+
+    def get_variables(self) -> dict[str, xr.Variable]:
+        found = self.ds.variables
+        return {name: self.open_store_variable(name, found[name]) for name in self._names if name in found}
+
+
+@contextmanager
+def _handle(path: Path) -> Iterator[netCDF4.Dataset]:
+    file = take("netcdf", path, partial(open_netcdf, path))
+    try:
+        yield file
+    finally:
+        leave("netcdf", path, file)
+
+
+def _xarray_of(store: xr.backends.NetCDF4DataStore) -> xr.Dataset:
+    return xr.open_dataset(store, decode_timedelta=False, decode_times=False, chunks=None)
+
+
 def _open(path: Path) -> xr.Dataset:
     """The dataset, times not decoded."""
     engine, target, options = _recognised(path)
@@ -44,8 +106,7 @@ def _open(path: Path) -> xr.Dataset:
             return xr.open_dataset(target, engine=engine, decode_timedelta=False, decode_times=False, chunks=None,
                                    **options)  # fmt: skip
         try:
-            return xr.open_dataset(xr.backends.NetCDF4DataStore(target), decode_timedelta=False, decode_times=False,
-                                   chunks=None)  # fmt: skip
+            return _xarray_of(xr.backends.NetCDF4DataStore(target))
         except BaseException:
             target.close()
             raise
@@ -101,9 +162,14 @@ def _recognised(path: Path) -> tuple[str, Any, dict[str, Any]]:
         if (path / "snapshots").is_dir() and ((path / "refs").is_dir() or (path / "repo").exists()):
             return _icechunk(path)
         raise UserError(unreadable(path))
-    if is_references(path):
+    if not _is_netcdf(path):
         return _references(path)
     return "netcdf4", take("netcdf", path, partial(open_netcdf, path)), {}
+
+
+def _is_netcdf(path: Path) -> bool:
+    """Or nothing that is known."""
+    return not (path.is_dir() or is_references(path))
 
 
 def _group(store: Any, options: dict[str, Any]) -> Any:

@@ -1,18 +1,25 @@
-"""Run as a script, in a process of its own with little time and memory: is an HDF5 file safe to open?
+"""Run as a script: which HDF5 files are safe to open?
 
-    python probe.py LIBNETCDF LIBHDF5 FILE
+    python probe.py LIBNETCDF LIBHDF5
 
 Damaged headers keep the HDF5 library busy for ever, or crash it, and a file may name other files as the
-place of its data. Exit codes: 0 safe, 3 points to other files, 4 the libraries cannot be asked, anything else damaged.
-Nothing of this package is imported, and no numpy: this takes some hundredths of a second.
+place of its data. So each file is opened by a process of its own with little time and memory. It is a fork of this
+one, which opens none, loads the libraries once, and ends with its input. Names come in by standard input, one at a
+time, each ended by a null byte, an empty one where it is the end; for each one byte goes out: 0 safe, 1 damaged,
+3 points to other files, 4 the libraries cannot be asked, 5 no answer in time. Nothing of this package is imported, and
+no numpy: this takes some hundredths of a second.
 """
 
 import ctypes
 import os
+import select
+import signal
 import sys
+from collections.abc import Iterator
 
-SAFE, POINTS_ELSEWHERE, UNKNOWN = 0, 3, 4
+SAFE, DAMAGED, POINTS_ELSEWHERE, UNKNOWN, LATE = 0, 1, 3, 4, 5
 CPU_S, ADDRESSES = 5, 4 << 30
+WALL_S = 120.0
 _VIRTUAL = 3  # H5D_VIRTUAL
 _FIRST_OTHER_LINK = 64  # H5L_TYPE_EXTERNAL; kinds above are of users' own
 _MOST_NAME = 4096
@@ -82,18 +89,71 @@ def opens(netcdf: ctypes.CDLL, name: bytes) -> bool:
     return not found
 
 
-def main(netcdf: str, hdf: str, name: str) -> int:
-    limit()
+def verdict(netcdf: ctypes.CDLL, hdf: ctypes.CDLL, name: bytes) -> int:
+    """What a file is; a damaged one may never let this end."""
+    try:
+        if points_elsewhere(hdf, name):
+            return POINTS_ELSEWHERE
+        return SAFE if opens(netcdf, name) else DAMAGED
+    except AttributeError:
+        return UNKNOWN
+
+
+def probed(libraries: tuple[ctypes.CDLL, ctypes.CDLL], name: bytes) -> int:
+    """The verdict of a process that does nothing else."""
+    alive, held = os.pipe()  # which closes as that process ends, however it does
+    try:
+        child = os.fork()
+    except OSError:
+        return UNKNOWN
+    if not child:
+        _answer(libraries, name)
+    os.close(held)
+    ended, _, _ = select.select([0, alive], [], [], WALL_S)
+    os.close(alive)
+    if alive not in ended:
+        os.kill(child, signal.SIGKILL)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if not ended:
+        return LATE
+    return code if code in (SAFE, POINTS_ELSEWHERE, UNKNOWN) else DAMAGED
+
+
+def _answer(libraries: tuple[ctypes.CDLL, ctypes.CDLL], name: bytes) -> None:
+    """The verdict as the code with which this process ends."""
+    code = DAMAGED
+    try:
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1):  # which are for the one who asks
+            os.dup2(nothing, stream)
+        limit()
+        code = verdict(*libraries, name)
+    finally:
+        os._exit(code)  # closing a damaged file may never end
+
+
+def names() -> Iterator[bytes]:
+    """The names that come in, until whoever asks is done, or dead."""
+    read = b""
+    while more := os.read(0, 65536):
+        *whole, read = (read + more).split(b"\0")
+        if b"" in whole:
+            return
+        yield from whole
+
+
+def main(netcdf: str, hdf: str) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever asks hears it too, and says that it is the end
     try:
         libraries = ctypes.CDLL(netcdf), ctypes.CDLL(hdf)
-        if points_elsewhere(libraries[1], os.fsencode(name)):
-            return POINTS_ELSEWHERE
-    except (OSError, AttributeError):
-        return UNKNOWN
-    return SAFE if opens(libraries[0], os.fsencode(name)) else 1
+    except OSError:
+        for _ in names():
+            os.write(1, bytes([UNKNOWN]))
+        return
+    verdict(*libraries, b"")  # of no file: what they make ready for their first one is ready for all forks
+    for name in names():
+        os.write(1, bytes([probed(libraries, name)]))
 
 
 if __name__ == "__main__":
-    code = main(*sys.argv[1:])
-    sys.stdout.flush()
-    os._exit(code)  # closing a damaged file may never end
+    main(*sys.argv[1:])
