@@ -232,6 +232,21 @@ def test_what_gives_no_camera_is_refused(tmp_path, day):
         calibrate(scrambled, LAT, LON, settings=UTC)
 
 
+def test_overexposed_frames_are_called_so(tmp_path, day):
+    """With an exposure twice as long the sun is found as well; with six times nothing shows but white."""
+    optics, frames = day
+    for gain in (2, 6):
+        for path in frames:
+            counts = np.asarray(Image.open(path)).astype(float) * gain
+            Image.fromarray(np.clip(counts, 0, 255).astype(np.uint8)).save(tmp_path / path.name, compress_level=1)
+        again = [tmp_path / path.name for path in frames]
+        if gain == 2:
+            assert worst_deg(calibrate(again, LAT, LON, settings=UTC).camera, optics, 20.0) < 0.4
+    for given in (again, again[0]):
+        with pytest.raises(UserError, match=r"overexposed, every channel is full in 100 % of it.*give"):
+            calibrate(given, LAT, LON, settings=UTC)
+
+
 def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     optics = mounted(EQUISOLID)
