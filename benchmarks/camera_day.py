@@ -14,7 +14,7 @@ from PIL import Image
 
 from openswim import Camera, Solver, render
 from openswim.cameras.files import CameraFile, FrameSettings, write_camera
-from openswim.comparison.encoding import encoded
+from openswim.comparison.response import encoded
 from openswim.scene import Scene
 from openswim.scene.procedural import demo_scene
 

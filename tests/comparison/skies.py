@@ -5,7 +5,7 @@ from PIL import Image
 
 from openswim import Camera, Scene, render
 from openswim.cameras.files import CameraFile, FrameSettings
-from openswim.comparison.encoding import encoded
+from openswim.comparison.response import encoded
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 
 LAT, LON = 47.0, 8.0

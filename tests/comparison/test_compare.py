@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.comparison.skies import NAME, clear_radiance, small_camera, write_frame
+from tests.comparison.skies import LAT, LON, NAME, TIME, clear_radiance, small_camera, write_frame
 
 import openswim
 from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, read_camera, write_camera
 from openswim.cli.compare import Progress, line_of
-from openswim.comparison.encoding import decoded, encoded
 from openswim.comparison.one_frame import rounded
 from openswim.comparison.report.page import with_bounds, write_page
-from openswim.comparison.response import Curve
+from openswim.comparison.response import Curve, decoded, encoded
 from openswim.errors import UserError
+from openswim.lights import moon_position
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared")) / "data" / "sky"
 CAMERA = small_camera()
@@ -169,6 +169,50 @@ def test_by_night_no_white_balance_is_proposed_and_it_is_said(sky, tmp_path):
     assert page.count("<td>solid angle</td>") == 3  # no mask of a sun that is down
 
 
+def doubt_of(frame, time=None):
+    found = openswim.compare(None, frame, CAMERA, time=time, aod_range=False, solver="swim")
+    return found.attrs["doubt"]
+
+
+def test_a_sky_by_day_that_is_called_one_by_night_is_told(sky, srgb_frame, tmp_path):
+    """At new moon (2024-06-06); not where the full moon stands (2024-01-25), which makes skies as blue."""
+    assert doubt_of(srgb_frame) == ""
+    assert "as blue as by day" in doubt_of(srgb_frame, "2024-06-06T23:30")
+    assert doubt_of(srgb_frame, "2024-01-25T23:30") == ""
+    assert doubt_of(srgb_frame, "2024-06-06T20:00") == ""  # twilight
+    dim = 0.004 * sky / np.median(sky[sky > 0])
+    dim[dim > 0.03] = 0.03  # no sun in it
+    assert doubt_of(write_frame(tmp_path / "dim.png", dim, (1.0,) * 3), "2024-06-06T23:30") == ""
+    assert doubt_of(write_frame(tmp_path / "grey.png", sky[..., [1, 1, 1]]), "2024-06-06T23:30") == ""
+
+
+def test_a_bright_spot_by_night_is_that_of_the_moon(sky, tmp_path):
+    full = "2024-01-25T23:30"
+    moon = moon_position(full, LAT, LON)
+    for azimuth, told in ((moon.azimuth_deg, ""), (moon.azimuth_deg + 40, "degrees from the moon")):
+        shown = 0.2 * sky[..., [1, 1, 1]]
+        row, column = CAMERA.camera.pixel_of(azimuth, moon.refracted_altitude_deg)
+        away = np.hypot(*(a - b for a, b in zip(np.indices(sky.shape[:2]), (row, column), strict=True)))
+        shown[away < 2.5] = 1.0
+        assert told in (said := doubt_of(write_frame(tmp_path / "spot.png", shown), full))
+        assert bool(said) == bool(told)
+    assert "without a moon" in doubt_of(tmp_path / "spot.png", "2024-06-06T23:30")
+
+
+def test_a_red_sky_by_day_is_told(sky, tmp_path, capsys):
+    """Red and blue swapped, and one of street lamps; not at sunset, and not where the camera's file has it so."""
+    swapped = write_frame(tmp_path / NAME, sky[..., ::-1])
+    found = openswim.compare(None, swapped, CAMERA, aod_range=False)
+    assert "once red and blue are swapped: save it with red first" in found.attrs["doubt"]
+    Progress(1).tell(found)
+    assert f"note: {NAME}: its sky is red rather than blue" in capsys.readouterr().err
+    lamps = np.broadcast_to([0.10, 0.07, 0.03], sky.shape) * np.random.default_rng(1).uniform(0.9, 1.1, sky.shape)
+    assert "a frame by night" in doubt_of(write_frame(tmp_path / "lamps.png", lamps), TIME)
+    assert doubt_of(swapped, "2024-06-20T19:00") == ""
+    known = replace(CAMERA, response=ResponseSettings(red_blue=1.6))
+    assert openswim.compare(None, swapped, known, aod_range=False).attrs["doubt"] == ""
+
+
 def test_radiance_where_the_scale_is_known_or_measured(sky, tmp_path):
     frame = write_frame(tmp_path / NAME, sky, (4, 4, 4))
     known = CameraFile(CAMERA.camera, "", CAMERA.frames, response=ResponseSettings(radiance_per_unit=(0.25,)))
@@ -245,6 +289,7 @@ def test_real_frames():
     cover = {}
     for name in ("Wolf_20160530_110600", "Image_20160527_144000_UTCp1_3", "Image_20160531_114000_UTCp1_3"):
         found = openswim.compare(None, next(SHARED.glob(f"wolf/{name}*")), wolf_camera(), **options)
+        assert found.attrs["doubt"] == ""
         cover[name] = float(found.observed_cover.sel(rule="clear sky"))
         if name.startswith("Wolf"):
             at = {"weighting": "solid angle", "sun_mask": 12, "light": "response undone", "score_channel": "mean"}

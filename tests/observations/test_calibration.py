@@ -18,7 +18,8 @@ from openswim.cli.main import run
 from openswim.errors import UserError
 from openswim.heavens.bent_rays import Refraction
 from openswim.heavens.points import Points, drawn_points, points_over
-from openswim.lights import sun_position
+from openswim.lights import star_positions, sun_position
+from openswim.observations.blind import starts
 from openswim.observations.calibration import calibrate, check
 from openswim.observations.frames import read_frame
 from openswim.observations.peaks import find_peaks
@@ -102,6 +103,23 @@ def test_a_frame_that_was_cut_on_one_side_gives_the_same_camera(of_stars, tmp_pa
     Image.fromarray(np.ascontiguousarray(whole[:, cut:])).save(tmp_path / "cut.png")
     found = calibrate(tmp_path / "cut.png", LAT, LON, time=NIGHT)
     assert worst_deg(found.camera, mounted(EQUISOLID, centre_column=371.0 - cut), 25.0) < 0.05
+
+
+def test_guesses_score_how_near_their_stars_lie_to_points():
+    """As each point's distance says, to a cell of the table (2 of the 18 pixels of reach); the far ones begin where the
+    near ones end, so that no guess is refined twice."""
+    shape, reach = (600, 640), 18.0
+    stars = star_positions(NIGHT, LAT, LON, magnitude=3.6, above_deg=12)
+    direction = horizon_vector(stars.azimuth_deg, stars.refracted_altitude_deg)
+    points = np.random.default_rng(2).uniform(0, 600, (90, 2))
+    near, far = starts(direction, points, shape)
+    assert len(near) == len(far) == 25
+    for each in (*near, *far):
+        places = np.stack(each.optics.project(direction[:40]), axis=-1)
+        away = np.linalg.norm(places[:, None] - points, axis=-1).min(axis=1)
+        assert each.score == pytest.approx(np.clip(1 - away / reach, 0, 1).sum(), abs=1.0)
+    off = [max(abs(s.optics.centre_row - 299.5), abs(s.optics.centre_column - 319.5)) / 300 for s in (*near, *far)]
+    assert max(off[:25]) < 0.155 < 0.19 < min(off[25:])
 
 
 def test_points_anywhere_are_refused(tmp_path):
@@ -214,6 +232,21 @@ def test_what_gives_no_camera_is_refused(tmp_path, day):
         calibrate(scrambled, LAT, LON, settings=UTC)
 
 
+def test_overexposed_frames_are_called_so(tmp_path, day):
+    """With an exposure twice as long the sun is found as well; with six times nothing shows but white."""
+    optics, frames = day
+    for gain in (2, 6):
+        for path in frames:
+            counts = np.asarray(Image.open(path)).astype(float) * gain
+            Image.fromarray(np.clip(counts, 0, 255).astype(np.uint8)).save(tmp_path / path.name, compress_level=1)
+        again = [tmp_path / path.name for path in frames]
+        if gain == 2:
+            assert worst_deg(calibrate(again, LAT, LON, settings=UTC).camera, optics, 20.0) < 0.4
+    for given in (again, again[0]):
+        with pytest.raises(UserError, match=r"overexposed, every channel is full in 100 % of it.*give"):
+            calibrate(given, LAT, LON, settings=UTC)
+
+
 def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     optics = mounted(EQUISOLID)
@@ -231,7 +264,7 @@ def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch)
     page = (tmp_path / "roof.html").read_text()
     assert "<title>roof &lt;1&gt; \\u202e</title>" in page  # as a terminal shows it, nothing from right to left
     assert content.name == "roof <1>\n\u202e"
-    assert "src=\"data:image/jpeg" in page
+    assert 'src="data:image/jpeg' in page
     assert not re.search(r"(?:src|href)\s*=\s*\"(?!data:)|url\(|@import|<script", page)
     assert page.count("<svg") == 3
     assert page.index("<table") < page.index("<svg") < page.index("<img")  # what was found, before long pictures

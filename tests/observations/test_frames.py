@@ -155,6 +155,28 @@ def test_counts_that_end_before_their_format_does_are_full(tmp_path):
     assert read_frame(tmp_path / "a.png", "2024-06-10T12:00", FrameSettings(saturated_count=2500)).saturated == 2500
 
 
+@pytest.mark.parametrize("quality", [None, 95, 75])
+@pytest.mark.parametrize("end", [200, 235, 248])
+def test_frames_of_bytes_that_end_early_are_full_there(tmp_path, quality, end):
+    """The sun as a disc of that count, where a format of 8 bits goes on to 255; not what a sky without a sun, or flat
+    fog, has most of. JPEG moves the spot's middle by up to 1.4 pixels of its radius of 33."""
+    save = {"format": "PNG"} if quality is None else {"format": "JPEG", "quality": quality}
+    row, column = np.indices((400, 400))
+    away = np.hypot(row - 130, column - 160)[..., None]
+    noise = np.random.default_rng(0).normal(0, 1.5, (400, 400, 3))
+    sky = [70, 90, 130] + 30 * (row + column)[..., None] / 600
+    for name, light in (("sun", sky + 900 * np.exp(-away / 20)), ("none", sky), ("fog", end - 3 + 0 * sky)):
+        Image.fromarray(np.clip(light + noise, 0, end).astype(np.uint8)).save(tmp_path / "a", **save)
+        seen = read_frame(tmp_path / "a", time="2024-06-10T12:00")
+        spot = find_spot(seen)
+        if name == "sun":
+            assert seen.saturated == pytest.approx(0.98 * end, abs=1.5)
+            assert np.hypot(spot.row - 130, spot.column - 160) < 2.5
+        else:
+            assert seen.saturated == 0.98 * 255
+            assert spot is None
+
+
 def test_one_of_several_frames_is_not_sent_to_an_option_of_single_ones(tmp_path):
     path = tmp_path / "clear.png"
     Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(path)

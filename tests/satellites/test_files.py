@@ -111,9 +111,10 @@ def test_an_observed_crop_lies_on_its_coast(rows: int, columns: int, least: floa
     found = read(path).isel(y=slice(rows, rows + 100), x=slice(columns, columns + 100))
     factor = found.reflectance_factor.values
     land = 1 - water_fraction(found.latitude.values, found.longitude.values)
-    inner = np.s_[12:-12, 12:-12]
+    known = np.isfinite(factor)
+    known[:12] = known[-12:] = known[:, :12] = known[:, -12:] = False
     shifts = [(i, j) for i in range(-12, 13, 2) for j in range(-12, 13, 2)]
-    scores = [np.corrcoef(np.roll(land, shift, (0, 1))[inner].ravel(), factor[inner].ravel())[0, 1] for shift in shifts]
+    scores = [np.corrcoef(np.roll(land, shift, (0, 1))[known], factor[known])[0, 1] for shift in shifts]
     assert max(scores) > least
     assert np.abs(shifts[int(np.argmax(scores))]).max() <= 4  # pixels of 1 km; the mask's are of 4 km
     assert np.nanmin(factor) > 0
@@ -215,6 +216,37 @@ def test_flags_of_quality_and_counts_without_scale_are_no_picture(
     write(spoilt, path)
     with pytest.raises(UserError, match="holds flags of quality" if scale == 1 else "counts without scale"):
         read(path)
+
+
+@pytest.mark.parametrize("name", ["DQF", "DQF_C02"])
+def test_pixels_that_are_flagged_bad_are_left_out(picture: xr.Dataset, tmp_path: Path, name: str) -> None:
+    """ABI L2 user's guide: 0 good, 1 conditionally usable, 2 out of range, 3 no value, 4 focal plane warm, 255 none."""
+    file = _abi(picture)
+    if name != "DQF":
+        file["CMI_C02"], file["CMI_C01"] = file.CMI, file.CMI + 0.1
+        file["DQF_C01"] = (("y", "x"), np.full(file.CMI.shape, 2, np.uint8))
+        file = file.drop_vars("CMI")
+    flags = np.zeros(picture.reflectance_factor[0].shape, np.uint8)
+    flags[2, :6] = 0, 1, 2, 3, 4, 255
+    file[name] = (("y", "x"), flags, {"_FillValue": np.uint8(255)})
+    file.to_netcdf(tmp_path / "a.nc")
+    found = read(tmp_path / "a.nc", ["C02"])
+    bad = np.zeros(flags.shape, bool)
+    bad[2, 2:6] = True
+    np.testing.assert_array_equal(np.isnan(found.reflectance_factor), bad)
+    assert found.attrs["pixels_left_out"] == 4
+    file[name] = ("z", flags.ravel())
+    file.to_netcdf(tmp_path / "b.nc")
+    with pytest.raises(UserError, match=r"b\.nc: DQF has .* give"):
+        read(tmp_path / "b.nc", ["C02"])
+
+
+@pytest.mark.skipif(not ABI.exists(), reason="no reference data")
+def test_flags_beside_a_geotiff_are_heeded() -> None:
+    """The flags' file says that .0094020003 of a million pixels are out of range, and none is bad otherwise."""
+    (path,) = ABI.glob("*C03*CMI.tif")
+    found = read(path)
+    assert found.attrs["pixels_left_out"] == np.isnan(found.reflectance_factor).sum() == 9402
 
 
 @pytest.mark.parametrize("damage", ["no axis", "no numbers", "no mapping", "no ellipsoid"])

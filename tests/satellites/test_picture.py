@@ -119,13 +119,19 @@ def test_the_command_takes_the_models_time_nearest_to_the_picture(
         scene.time = np.datetime64(f"2021-06-21T{hour}:00", "ms")
         scene.to_netcdf(tmp_path / f"model_{hour}.nc")
     bare = Scene.clear(LAT, LON, None, 0.6, time=NOON + np.timedelta64(10, "m"))
-    write(reflectance(bare, _grid(1), [band("goes-16 abi", "C02")]), tmp_path / "seen.nc")
+    seen = reflectance(bare, _grid(1), [band("goes-16 abi", "C02")])
+    flags = np.zeros((seen.y.size, seen.x.size), np.uint8)
+    flags[0, 0] = 2
+    write(seen.assign(DQF=(("y", "x"), flags)), tmp_path / "seen.nc")
     models = [str(tmp_path / f"model_{hour}.nc") for hour in (16, 17)]
     asked = ["satellite", *models, "--like", str(tmp_path / "seen.nc"), "--band", "C02"]
     placed.clear()
     assert run([*asked, "-o", str(tmp_path / "out.nc")]) == 0
     assert placed == 2 * [_grid(1).shape]  # of the observed picture, and of ours
-    assert "note: the model's nearest" not in capsys.readouterr().err
+    said = capsys.readouterr()
+    assert "note: the model's nearest" not in said.err
+    assert "seen.nc: 1 pixels (11 %) are left out: its flags of quality (DQF)" in said.err
+    assert "C02, 8 pixels: bias" in said.out
     with xr.open_dataset(tmp_path / "out.nc") as found:
         assert found.attrs["time_coverage_start"].startswith("2021-06-21T17:10")
         assert float(found.reflectance_factor.mean()) > 0.7  # the sea has .08

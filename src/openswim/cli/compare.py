@@ -117,6 +117,8 @@ class Progress:
             told = f"the round bright spot of {comparison.attrs['frame']} lies {off:.0f} degrees from where its camera"
             text = f"note: {told} and time have the sun: a lit cloud, or a wrong time, zone, place or camera"
             click.echo(one_line(text), err=True)
+        if doubt := comparison.attrs.get("doubt"):
+            click.echo(one_line(f"note: {comparison.attrs['frame']}: {doubt}"), err=True)
         if "model_time" in comparison.attrs:
             seen, model = (np.datetime64(comparison.attrs[name].rstrip("Z")) for name in ("time", "model_time"))
             tell_when_far(seen, model, "frame")

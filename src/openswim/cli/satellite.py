@@ -136,6 +136,10 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
         if not request.outputs:
             raise UserError(f"{what}: nothing to compare: give --band {seen_in}, or -o to write without comparing")
         click.echo(f"note: {what}: nothing is compared", err=True)
+    if left_out := observed.attrs["pixels_left_out"]:
+        share = f"{100 * left_out / observed.reflectance_factor.size:.2g} %"
+        click.echo(f"note: {like}: {left_out} pixels ({share}) are left out: its flags of quality (DQF) call them "
+                   "out of range, without a value or too warm", err=True)  # fmt: skip
     if not np.isfinite(observed.latitude).any():
         raise UserError(f"{like}: no pixel of it lies on the Earth")
     start = parse_time(observed.attrs["time_coverage_start"].rstrip("Z") or None)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from openswim.cameras.files import CameraFile
 from openswim.comparison.below import below_scores, sees_land
 from openswim.comparison.cloud_rules import CLEAR_SKY, DEPARTURE, FIXED, log_red_blue
-from openswim.comparison.encoding import encoded
+from openswim.comparison.doubt import doubt
 from openswim.comparison.prepared import Prepared, open_pixels, prepared, valid_pixels
-from openswim.comparison.response import AEROSOL_NOTE, Curve, fit_curve, fit_power_law
+from openswim.comparison.response import AEROSOL_NOTE, Curve, encoded, fit_curve, fit_power_law
 from openswim.comparison.scores import Region, Scores, cloud_scores, correlations, radiance_errors, undone
 from openswim.comparison.settings import SUN_MASKS_DEG, KnownCamera, Settings, encoding_of, weighted_median
 from openswim.comparison.skies import Skies
@@ -65,6 +65,9 @@ def compare_frame(
     scores.variables["simulated_as_stored"] = (("y", "x", "channel"), rounded(shown), text)
     scores.attrs |= _attributes(skies, ready, image, sun, settings, known, scores.reasons)
     there = open_pixels(ready, sun, settings.sun_mask_deg, settings.lowest_deg)
+    if skies.sun is None:
+        place = skies.place_of_camera(content.camera, ready.time)
+        scores.attrs["doubt"] = doubt(frame, content.camera, ready, simulated, region, sun[1], place, known.red_blue)
     whole = pixels.solid_angle_sr[there].sum()
     scores.attrs["share_of_sky_used"] = round(float(region.weight.sum() / whole), 4) if whole > 0 else 0.0
     distance = rounded(pixels.angle_to_deg(*sun), _ANGLE_BITS)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.cameras import Camera
 from openswim.cameras.pixels import Pixels
-from openswim.comparison.encoding import decoded
+from openswim.comparison.response import decoded
 from openswim.comparison.tiles import tile_of
 from openswim.errors import UserError
 from openswim.observations import SkyFrame

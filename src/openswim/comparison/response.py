@@ -1,4 +1,5 @@
-"""What a camera makes of light: a monotone curve for each channel, fitted to a simulated sky, and undone.
+"""What a camera makes of light: the curves by which counts are written, and one for each channel that is fitted to a
+simulated sky and rises; both undone.
 
 One frame cannot tell the curve from the aerosol: more haze flattens both. So a curve belongs to the aerosol that was
 taken, and aerosol is never fitted by r.
@@ -7,7 +8,9 @@ taken, and aerosol is never fitted by r.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from openswim.srgb import from_srgb, to_srgb
 
 F64 = NDArray[np.float64]
 FEWEST_PIXELS = 50
@@ -18,6 +21,26 @@ AEROSOL_NOTE = (
     "The response belongs to the aerosol that was taken: a hazier sky with a flatter response fits a frame as well. "
     "r never says which aerosol is right."
 )
+
+
+def decoded(share: ArrayLike, encoding: str | float) -> F64:
+    """Linear light of counts, both as shares of full scale: "linear", "srgb" (IEC 61966-2-1), or share ** exponent."""
+    value = np.asarray(share, float)
+    if encoding == "linear":
+        return value
+    if encoding == "srgb":
+        return from_srgb(value)
+    return np.maximum(value, 0.0) ** float(encoding)
+
+
+def encoded(light: ArrayLike, encoding: str | float) -> F64:
+    """The inverse of `decoded`."""
+    value = np.asarray(light, float)
+    if encoding == "linear":
+        return value
+    if encoding == "srgb":
+        return np.asarray(to_srgb(value))
+    return np.maximum(value, 0.0) ** (1 / float(encoding))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from openswim.cameras.optics import Optics
 from openswim.errors import UserError
 from openswim.lights import star_positions
-from openswim.observations.blind import CENTRES, WIDE_CENTRES, starts
+from openswim.observations.blind import Start, starts
 from openswim.observations.frames import FrameInfo, SkyFrame
 from openswim.observations.lens_fit import CANDIDATES, Freedom, fit, held_out_px, name_of, residuals, with_lens
 from openswim.observations.matching import TOLERANCES_PX, expected_by_chance, pairs, refined
@@ -91,11 +91,15 @@ def fit_stars(skies: Sequence[Sky]) -> StarFit:
         raise UserError(
             f"{richest.frame.path}: only {len(richest.peaks)} bright points: no stars show; take a clear night's frame"
         )
-    for centres in (CENTRES, WIDE_CENTRES):  # the axis may be far from the middle of a frame that was cut, or padded
-        found = _judged(_solutions(richest, shape, size, centres), richest, skies, size)
-        if isinstance(found, StarFit):
-            return found
-    raise UserError(f"{richest.frame.path}: {found}: cloud, moonlight, twilight, or a wrong time or place")
+    found: list[tuple[int, Optics]] = []
+    for guesses in starts(
+        richest.direction, richest.peaks.place, shape
+    ):  # most frames were not cut: the near ones first
+        found = _solutions(guesses, richest, shape, size, found)
+        judged = _judged(found, richest, skies, size)
+        if isinstance(judged, StarFit):
+            return judged
+    raise UserError(f"{richest.frame.path}: {judged}: cloud, moonlight, twilight, or a wrong time or place")
 
 
 def _judged(found: Sequence[tuple[int, Optics]], richest: Sky, skies: Sequence[Sky], size: float) -> StarFit | str:
@@ -115,12 +119,11 @@ def _judged(found: Sequence[tuple[int, Optics]], richest: Sky, skies: Sequence[S
     return refused or StarFit(chosen, tuple(lenses), matched, tuple(skies), following, chance)
 
 
-def _solutions(sky: Sky, shape: tuple[int, int], size: float, centres: F64) -> list[tuple[int, Optics]]:
-    """Numbers of matches and distinct solutions, best first."""
-    found = [
-        (0, with_lens(start.optics, "polynomial", 1))
-        for start in starts(sky.direction, sky.peaks.place, shape, centres)
-    ]
+def _solutions(
+    guesses: Sequence[Start], sky: Sky, shape: tuple[int, int], size: float, known: list[tuple[int, Optics]]
+) -> list[tuple[int, Optics]]:
+    """Numbers of matches and distinct solutions, best first, from guesses and with those that are known."""
+    found = [(0, with_lens(start.optics, "polynomial", 1)) for start in guesses]
     for tolerances, most in ((TOLERANCES_PX[:3], len(found)), (TOLERANCES_PX[3:], GO_ON)):
         better = []
         for _, start in found[:most]:
@@ -128,11 +131,17 @@ def _solutions(sky: Sky, shape: tuple[int, int], size: float, centres: F64) -> l
                 start, sky.direction, sky.peaks.place, Freedom(coefficients=1), size, tolerances
             )
             better.append((int(star.size), optics))
-        found = []
-        for count, optics in sorted(better, key=lambda each: -each[0]):
-            if all(_distinct(optics, other, min(shape) / 2) for _, other in found):
-                found.append((count, optics))
-    return found
+        found = _all_distinct(better, min(shape) / 2)
+    return _all_distinct(found + known, min(shape) / 2)
+
+
+def _all_distinct(solutions: list[tuple[int, Optics]], half: float) -> list[tuple[int, Optics]]:
+    """Best first, those left out that are like a better one."""
+    kept: list[tuple[int, Optics]] = []
+    for count, optics in sorted(solutions, key=lambda each: -each[0]):
+        if all(_distinct(optics, other, half) for _, other in kept):
+            kept.append((count, optics))
+    return kept
 
 
 def _distinct(one: Optics, other: Optics, half: float) -> bool:
@@ -206,4 +215,3 @@ def _why_uneven(matched: Matched, optics: Optics) -> str:
     if (quadrants >= 3).sum() < 3 or (rings >= 3).sum() < 2:
         return f"{len(zenith)} stars match, in one part of the sky only"
     return ""
-

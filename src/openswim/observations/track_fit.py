@@ -13,7 +13,7 @@ from openswim.lights import moon_position, sun_position
 from openswim.observations.frames import FrameInfo, SkyFrame
 from openswim.observations.lens_fit import CANDIDATES, Freedom, fit, held_out_px, name_of, residuals, with_lens
 from openswim.observations.star_fit import LensResult, Matched
-from openswim.observations.sun_spot import Spot, find_spot
+from openswim.observations.sun_spot import OVEREXPOSED, Spot, find_spot, full_share
 from openswim.scene.frame import horizon_vector
 
 F64 = NDArray[np.float64]
@@ -31,14 +31,23 @@ _SCALES = np.geomspace(0.6, 1.5, 7)
 
 @dataclass(frozen=True)
 class Sighting:
-    """A frame, and the spot in it if there is one."""
+    """A frame, and the spot in it if there is one; the share of it that is full where that is too much to tell."""
 
     frame: FrameInfo
     spot: Spot | None
+    overexposed: float = 0.0
+
+    def lacks(self, body: str) -> str:
+        """Why there is no spot."""
+        if self.overexposed:
+            return f"overexposed, every channel is full in {100 * self.overexposed:.0f} % of it"
+        return f"no {body} in this frame"
 
 
 def sighting(frame: SkyFrame, hidden: NDArray[np.bool_] | None) -> Sighting:
     """Look for the sun, or the moon."""
+    if (share := full_share(frame, hidden)) > OVEREXPOSED:
+        return Sighting(frame.info, None, share)
     return Sighting(frame.info, find_spot(frame, hidden))
 
 
@@ -64,7 +73,7 @@ def fit_track(sightings: Sequence[Sighting], lat: float, lon: float, height_m: f
     for index, each in enumerate(ordered):
         where = (sun_position if body == "sun" else moon_position)(each.frame.time, lat, lon, height_m)
         if each.spot is None or where.refracted_altitude_deg < 0:
-            why = f"no {body} in this frame" if each.spot is None else f"the {body} is below the horizon"
+            why = each.lacks(body) if each.spot is None else f"the {body} is below the horizon"
             left_out.append(f"{each.frame.path.name}: {why}")
             continue
         vector = horizon_vector(where.azimuth_deg, where.refracted_altitude_deg)

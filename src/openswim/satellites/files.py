@@ -31,6 +31,7 @@ _LEAN = 0.1  # pixels by which rows may lean over a whole picture
 _UNITS = {"": 1.0, "1": 1.0, "%": 0.01, "percent": 0.01}  # of reflectance factors; else it is a radiance, or warmth
 _BRIGHTEST = 2.0  # that one pixel in twenty of a picture may have; deep cloud below a high sun has 1.3
 _QUALITY = "DQF"  # ABI's flags, which lie beside its pictures on the same grid
+_USABLE = 1  # 0 is good, 1 conditionally usable, 2 out of range, 3 no value, 4 of a focal plane that was too warm
 _ONE_OF_SEVERAL = re.compile(r"CMI_(C\d\d)")  # of ABI's files of all bands
 
 
@@ -109,7 +110,8 @@ def middle_of(picture: xr.Dataset, lon_0: float) -> tuple[float, float]:
 
 def read(path: str | Path, bands: Sequence[str] = ()) -> xr.Dataset:
     """An observed picture: ``reflectance_factor`` on (y, x), and its grid, as `write` writes them. Attribute ``band``
-    is the name of its band, "" where the file does not tell.
+    is the name of its band, "" where the file does not tell; ``pixels_left_out`` how many pixels became NaN since ABI's
+    quality flags (DQF, in the netCDF file or as GeoTIFF beside that of CMI) call them bad.
 
     bands : of a file of several, the first of these that it has; else its first.
 
@@ -155,7 +157,23 @@ def _from_netcdf(path: Path, bands: Sequence[str]) -> xr.Dataset:
         time = str(file.attrs.get("time_coverage_start", ""))
         found = values.values.astype(np.float32) * factor
         _check_bright(path, found)
-        return _picture(found, FixedGrid.of_cf(x, y, mapping.attrs), time, told[at])
+        flags = next((file[name] for name in (f"{_QUALITY}_{told[at]}", _QUALITY) if name in file), None)
+        if flags is not None:
+            flags = flags.squeeze([dim for dim in flags.dims if flags.sizes[dim] == 1 and dim not in ("y", "x")])
+            flags = flags.transpose(*values.dims) if set(flags.dims) == set(values.dims) else flags
+        left_out = 0 if flags is None else _leave_out(path, found, flags.values)
+        return _picture(found, FixedGrid.of_cf(x, y, mapping.attrs), time, told[at], left_out)
+
+
+def _leave_out(path: Path, values: Any, flags: Any) -> int:
+    """Make values NaN that the agency calls bad, as it does where there is no flag; how many of them were known."""
+    if flags.shape != values.shape:
+        raise UserError(f"{path}: {_QUALITY} has {shown(flags.shape)} pixels, its picture {shown(values.shape)}: give "
+                        "the file as the agency has it, or one without flags")  # fmt: skip
+    bad = ~(flags <= _USABLE)
+    known = int(np.isfinite(values[bad]).sum())
+    values[bad] = np.nan
+    return known
 
 
 def _in_radians(path: Path, axis: xr.DataArray, height_m: float) -> F64:
@@ -236,6 +254,11 @@ def _from_geotiff(path: Path, bands: Sequence[str]) -> xr.Dataset:
         factor = _in_ones(path, file.units[at] or about.get("units"))
         values = np.ma.filled((raw.astype(np.float32) * file.scales[at] + file.offsets[at]) * factor, np.nan)
         _check_bright(path, values)
+        beside = path.with_name(f"{path.stem.removesuffix('_CMI')}_{_QUALITY}{path.suffix}")
+        left_out = 0
+        if path.stem.endswith("_CMI") and beside.exists():
+            with open_raster(beside) as flags:
+                left_out = _leave_out(path, values, np.ma.filled(flags.read(1, masked=True).astype(float), np.nan))
         height, transform = float(mapping["perspective_point_height"]), file.transform
         if max(abs(transform.b), abs(transform.d)) * max(file.shape) > _LEAN * min(abs(transform.a), abs(transform.e)):
             raise UserError(f"{path}: its rows are turned or sheared against the imager's: warp it upright (gdalwarp)")
@@ -243,13 +266,13 @@ def _from_geotiff(path: Path, bands: Sequence[str]) -> xr.Dataset:
         y = (transform.f + transform.e * (np.arange(file.height) + 0.5)) / height
         grid = FixedGrid.of_cf(x, y, mapping)
         time = tags.get("NC_GLOBAL#time_coverage_start") or tags.get("time_coverage_start", "")
-        return _picture(values, grid, time, names[at])
+        return _picture(values, grid, time, names[at], left_out)
 
 
-def _picture(values: Any, grid: FixedGrid, time: str, band: str) -> xr.Dataset:
+def _picture(values: Any, grid: FixedGrid, time: str, band: str, left_out: int) -> xr.Dataset:
     lat, lon = grid.latlon()
     return xr.Dataset(
         {"reflectance_factor": (("y", "x"), values), "geostationary": ((), 0, grid.to_cf())},
         coords={"x": grid.x, "y": grid.y, "latitude": (("y", "x"), lat), "longitude": (("y", "x"), lon)},
-        attrs={"time_coverage_start": time, "band": band},
+        attrs={"time_coverage_start": time, "band": band, "pixels_left_out": left_out},
     )
