@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -232,9 +233,9 @@ def test_pixels_that_are_flagged_bad_are_left_out(picture: xr.Dataset, tmp_path:
     file.to_netcdf(tmp_path / "a.nc")
     found = read(tmp_path / "a.nc", ["C02"])
     bad = np.zeros(flags.shape, bool)
-    bad[2, 2:6] = True
+    bad[2, 3:6] = True
     np.testing.assert_array_equal(np.isnan(found.reflectance_factor), bad)
-    assert found.attrs["pixels_left_out"] == 4
+    assert found.attrs["pixels_left_out"] == 3
     file[name] = ("z", flags.ravel())
     file.to_netcdf(tmp_path / "b.nc")
     with pytest.raises(UserError, match=r"b\.nc: DQF has .* give"):
@@ -242,11 +243,22 @@ def test_pixels_that_are_flagged_bad_are_left_out(picture: xr.Dataset, tmp_path:
 
 
 @pytest.mark.skipif(not ABI.exists(), reason="no reference data")
-def test_flags_beside_a_geotiff_are_heeded() -> None:
-    """The flags' file says that .0094020003 of a million pixels are out of range, and none is bad otherwise."""
+def test_flags_beside_a_geotiff_are_heeded(tmp_path: Path) -> None:
+    """Of the million pixels none has no value, and the brightest, which are out of range, stay."""
+    rasterio = pytest.importorskip("rasterio")
     (path,) = ABI.glob("*C03*CMI.tif")
     found = read(path)
-    assert found.attrs["pixels_left_out"] == np.isnan(found.reflectance_factor).sum() == 9402
+    assert found.attrs["pixels_left_out"] == 0
+    assert found.reflectance_factor.max() > 1.25
+    own = shutil.copy(path, tmp_path)
+    with rasterio.open(str(path).replace("_CMI", "_DQF")) as file:
+        flags, profile = file.read(), file.profile
+    flags[0, 5, 7:9] = 3, 4
+    with rasterio.open(str(own).replace("_CMI", "_DQF"), "w", **profile) as file:
+        file.write(flags)
+    seen = read(own)
+    assert seen.attrs["pixels_left_out"] == 2
+    assert np.argwhere(np.isnan(seen.reflectance_factor.values)).tolist() == [[5, 7], [5, 8]]
 
 
 @pytest.mark.parametrize("damage", ["no axis", "no numbers", "no mapping", "no ellipsoid"])

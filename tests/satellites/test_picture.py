@@ -121,7 +121,7 @@ def test_the_command_takes_the_models_time_nearest_to_the_picture(
     bare = Scene.clear(LAT, LON, None, 0.6, time=NOON + np.timedelta64(10, "m"))
     seen = reflectance(bare, _grid(1), [band("goes-16 abi", "C02")])
     flags = np.zeros((seen.y.size, seen.x.size), np.uint8)
-    flags[0, 0] = 2
+    flags[0, 0] = 3
     write(seen.assign(DQF=(("y", "x"), flags)), tmp_path / "seen.nc")
     models = [str(tmp_path / f"model_{hour}.nc") for hour in (16, 17)]
     asked = ["satellite", *models, "--like", str(tmp_path / "seen.nc"), "--band", "C02"]

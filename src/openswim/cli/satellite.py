@@ -138,8 +138,8 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
         click.echo(f"note: {what}: nothing is compared", err=True)
     if left_out := observed.attrs["pixels_left_out"]:
         share = f"{100 * left_out / observed.reflectance_factor.size:.2g} %"
-        click.echo(f"note: {like}: {left_out} pixels ({share}) are left out: its flags of quality (DQF) call them "
-                   "out of range, without a value or too warm", err=True)  # fmt: skip
+        click.echo(f"note: {like}: {left_out} pixels ({share}) are left out: its flags of quality (DQF) say that they "
+                   "have no value, or were too warm", err=True)  # fmt: skip
     if not np.isfinite(observed.latitude).any():
         raise UserError(f"{like}: no pixel of it lies on the Earth")
     start = parse_time(observed.attrs["time_coverage_start"].rstrip("Z") or None)

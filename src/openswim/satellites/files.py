@@ -31,7 +31,9 @@ _LEAN = 0.1  # pixels by which rows may lean over a whole picture
 _UNITS = {"": 1.0, "1": 1.0, "%": 0.01, "percent": 0.01}  # of reflectance factors; else it is a radiance, or warmth
 _BRIGHTEST = 2.0  # that one pixel in twenty of a picture may have; deep cloud below a high sun has 1.3
 _QUALITY = "DQF"  # ABI's flags, which lie beside its pictures on the same grid
-_USABLE = 1  # 0 is good, 1 conditionally usable, 2 out of range, 3 no value, 4 of a focal plane that was too warm
+# 0 is good, 1 conditionally usable, 2 out of range, 3 no value, 4 of a focal plane that was too warm. What is out of
+# range is plausible: in a picture of deep cloud below a high sun 9402 pixels up to 1.26, without a heap at the end
+_USABLE = 2
 _ONE_OF_SEVERAL = re.compile(r"CMI_(C\d\d)")  # of ABI's files of all bands
 
 
