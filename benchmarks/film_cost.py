@@ -1,7 +1,7 @@
 """What a film over model times costs beside single pictures: CPU seconds of whole commands a time, in alternation.
 
     python benchmarks/film_cost.py
-    python benchmarks/film_cost.py --columns 128 --levels 30 --size 512 --times 4
+    python benchmarks/film_cost.py --columns 128 --levels 30 --size 512 --times 12 --least 1.5
 
 The weather is the demo's, whose clouds drift by a column every ten minutes.
 """
@@ -26,6 +26,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     for name, default in (("columns", 64), ("levels", 24), ("size", 256), ("times", 6), ("rounds", 3)):
         parser.add_argument(f"--{name}", type=int, default=default)
+    parser.add_argument("--least", type=float, default=0.0, help="fail where a picture costs fewer times a film's time")
     given = parser.parse_args()
     scene = demo_scene(given.columns, given.columns, given.levels)
     lat, lon = scene.place
@@ -45,6 +46,8 @@ def main() -> None:
             single.append(cpu_s("render", str(files[turn % given.times]), *look, "-o", f"{name}/one.png"))
             one, other = statistics.median(film), statistics.median(single)
             print(f"a time of the film {one:.1f}, a picture {other:.1f} CPU s: {other / one:.2f} times", flush=True)
+    if other < given.least * one:
+        raise SystemExit(f"the mark is {given.least:g} times")
 
 
 def cpu_s(*command: str) -> float:

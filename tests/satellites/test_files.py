@@ -112,10 +112,9 @@ def test_an_observed_crop_lies_on_its_coast(rows: int, columns: int, least: floa
     found = read(path).isel(y=slice(rows, rows + 100), x=slice(columns, columns + 100))
     factor = found.reflectance_factor.values
     land = 1 - water_fraction(found.latitude.values, found.longitude.values)
-    known = np.isfinite(factor)
-    known[:12] = known[-12:] = known[:, :12] = known[:, -12:] = False
+    inner = np.s_[12:-12, 12:-12]
     shifts = [(i, j) for i in range(-12, 13, 2) for j in range(-12, 13, 2)]
-    scores = [np.corrcoef(np.roll(land, shift, (0, 1))[known], factor[known])[0, 1] for shift in shifts]
+    scores = [np.corrcoef(np.roll(land, shift, (0, 1))[inner].ravel(), factor[inner].ravel())[0, 1] for shift in shifts]
     assert max(scores) > least
     assert np.abs(shifts[int(np.argmax(scores))]).max() <= 4  # pixels of 1 km; the mask's are of 4 km
     assert np.nanmin(factor) > 0
@@ -225,7 +224,7 @@ def test_pixels_that_are_flagged_bad_are_left_out(picture: xr.Dataset, tmp_path:
     file = _abi(picture)
     if name != "DQF":
         file["CMI_C02"], file["CMI_C01"] = file.CMI, file.CMI + 0.1
-        file["DQF_C01"] = (("y", "x"), np.full(file.CMI.shape, 2, np.uint8))
+        file["DQF_C01"] = (("y", "x"), np.full(file.CMI.shape, 3, np.uint8))
         file = file.drop_vars("CMI")
     flags = np.zeros(picture.reflectance_factor[0].shape, np.uint8)
     flags[2, :6] = 0, 1, 2, 3, 4, 255

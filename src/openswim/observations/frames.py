@@ -90,7 +90,7 @@ def read_frame(
 
 def _cut_off(counts: NDArray[Any]) -> float:
     """The largest count where many pixels have it and few come near it: sensors of 12 or 14 bits end long before their
-    files of 16 do, and those of films at 235. Infinite where it is not so."""
+    files of 16 do, and frames of videos at 235. Infinite where it is not so."""
     if counts.dtype == np.uint8:
         return _cut_off_of_bytes(counts)
     most = counts.max(initial=0)

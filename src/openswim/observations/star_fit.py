@@ -92,9 +92,8 @@ def fit_stars(skies: Sequence[Sky]) -> StarFit:
             f"{richest.frame.path}: only {len(richest.peaks)} bright points: no stars show; take a clear night's frame"
         )
     found: list[tuple[int, Optics]] = []
-    for guesses in starts(
-        richest.direction, richest.peaks.place, shape
-    ):  # most frames were not cut: the near ones first
+    # most frames were not cut: guesses with the axis near their middle come first
+    for guesses in starts(richest.direction, richest.peaks.place, shape):
         found = _solutions(guesses, richest, shape, size, found)
         judged = _judged(found, richest, skies, size)
         if isinstance(judged, StarFit):
