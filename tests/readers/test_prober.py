@@ -174,7 +174,8 @@ def test_each_file_has_little_time_and_memory(waiting):
         lines = Path(f"/proc/{looks}/limits").read_text().splitlines()
         return {line[:26].strip(): line[26:].split() for line in lines}
 
-    assert _within(_AT_ONCE_S, lambda: limits()["Max address space"][0] == str(probe.ADDRESSES))  # it may have just begun
+    # it may have just begun
+    assert _within(_AT_ONCE_S, lambda: limits()["Max address space"][0] == str(probe.ADDRESSES))
     rows = limits()
     assert rows["Max cpu time"][:2] == [str(probe.CPU_S), str(probe.CPU_S + 1)]
     assert rows["Max address space"][:2] == 2 * [str(probe.ADDRESSES)]
