@@ -1,4 +1,3 @@
-import gc
 import os
 from pathlib import Path
 
@@ -12,12 +11,6 @@ os.environ.setdefault("MIEPYTHON_USE_JIT", "1")  # as openswim sets it; read whe
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if "PYTEST_XDIST_WORKER" in os.environ:  # processes beside each other; two threads are what tests of threads need
     os.environ.setdefault("NUMBA_NUM_THREADS", "2")
-
-
-def pytest_collection_finish() -> None:
-    """What thousands of collected tests hold is not looked through by each full collection of garbage."""
-    gc.collect()
-    gc.freeze()
 
 
 @pytest.fixture(scope="session")
