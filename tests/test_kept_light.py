@@ -171,17 +171,18 @@ def test_missing_arrays_are_refused(copy: Path) -> None:
 
 
 def test_lost_and_changed_pieces_of_arrays_are_refused(copy: Path) -> None:
-    """Of a chunk that is not there Zarr makes zeros; a chunk of zeros, it does not write."""
+    """Of a chunk that is not there Zarr makes zeros; a chunk of zeros, it does not write. One after another is lost or
+    changed."""
     pieces = sorted(each for each in (copy / "arrays").rglob("*") if each.is_file() and not each.name.startswith("."))
     assert len(pieces) > 20
-    for piece in pieces[::3]:
+    for number, piece in enumerate(pieces[::3]):
         kept = piece.read_bytes()
-        piece.unlink()
-        if any(kept):
-            with pytest.raises(UserError, match="is not what was saved"):
-                openswim.open_light(copy)
-        piece.write_bytes(bytes([kept[0] ^ 1]) + kept[1:])
-        with pytest.raises(UserError, match="damaged"):
+        lost = number % 2 == 0 and any(kept)
+        if lost:
+            piece.unlink()
+        else:
+            piece.write_bytes(bytes([kept[0] ^ 1]) + kept[1:])
+        with pytest.raises(UserError, match="is not what was saved" if lost else "damaged"):
             openswim.open_light(copy)
         piece.write_bytes(kept)
     openswim.open_light(copy)

@@ -324,6 +324,8 @@ def test_light_that_is_not_shown_any_more_is_not_held_while_other_light_is_solve
     from openswim.films import making
     from openswim.films.weather import Weather
 
+    gc.collect()
+    gc.freeze()  # what other tests have left in this process is not looked through each time
     held: list[weakref.ref] = []
     alive = []
     solve = making.light

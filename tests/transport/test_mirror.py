@@ -42,7 +42,7 @@ def lake():
     crs = CRS.from_proj4("+proj=lcc +lat_1=20 +lat_0=20 +lon_0=-40 +R=6371000")
     scene = Scene(Grid(x, x, levels, crs, 6_371_000.0), data, Atmosphere.us_standard())
     sun = np.array([0.3, -0.6, 0.74])
-    return Solver(tolerance=0.3).solve(scene, sun / np.linalg.norm(sun), [615.0, 546.0, 450.0])
+    return Solver(quality="preview").solve(scene, sun / np.linalg.norm(sun), [615.0, 546.0, 450.0])
 
 
 def glance(azimuth_deg, depression_deg, height_m=300.0):
@@ -77,7 +77,7 @@ def test_calm_water_is_a_mirror(lake) -> None:
     """Away from the cloud the sky is smooth, and slopes of 2 degrees change nothing."""
     eye, place, direction = glance(np.array([150.0, 180.0, 210.0, 240.0]), np.array([20.0, 30.0, 40.0, 25.0]))
     np.testing.assert_allclose(
-        mirrored(lake, eye, place, direction, 0.0), sky(lake, place, direction), rtol=0.08
+        mirrored(lake, eye, place, direction, 0.0), sky(lake, place, direction), rtol=0.0014
     )
 
 
@@ -156,7 +156,7 @@ def broken():
 
 @pytest.fixture(scope="module")
 def under_cumulus(broken):
-    return Solver(tolerance=0.3, detail=False).solve(*broken, [550.0])
+    return Solver(quality="preview", detail=False).solve(*broken, [550.0])
 
 
 def test_a_single_ray_to_water_is_a_pixel_of_a_picture(under_cumulus) -> None:
@@ -170,17 +170,17 @@ def test_a_single_ray_to_water_is_a_pixel_of_a_picture(under_cumulus) -> None:
     np.testing.assert_array_equal(np.concatenate([picture.view(ray).radiance for ray in single]), pixels)
     other = field.viewpoint(Rays(eye, glance(np.arange(200.0, 240.0), 20.0)[2]))
     beside = other.view(Rays(eye, some)).radiance
-    np.testing.assert_allclose(beside, pixels, rtol=3.1e-3)
+    np.testing.assert_allclose(beside, pixels, rtol=1e-3)
     np.testing.assert_array_equal(np.concatenate([other.view(ray).radiance for ray in single]), beside)
     # its nodes are turned along it, the picture's toward the eye: what the air shines with in between differs
-    np.testing.assert_allclose(field.view(single[2]).radiance[0], pixels[2], rtol=0.011)
+    np.testing.assert_allclose(field.view(single[2]).radiance[0], pixels[2], rtol=3.5e-4)
     looked = picture.of_others(single[2]).view(single[2]).radiance[0]
-    np.testing.assert_allclose(looked, pixels[2], rtol=3.1e-3)
+    np.testing.assert_allclose(looked, pixels[2], rtol=3.5e-4)
 
 
 @pytest.mark.slow
 def test_single_rays_to_water_under_broken_cloud_are_near_reference(broken, under_cumulus) -> None:
-    """Within 15 %, as under a clear sky: `reference` leaves out what meets a second wave. By the clear sky in place of
+    """Within 16 %, as under a clear sky: `reference` leaves out what meets a second wave. By the clear sky in place of
     the clouds they would be 1.8 times too bright."""
     eye, _, direction = glance(np.repeat(np.arange(0.0, 90.0, 6.0), 4), np.tile([6.0, 12.0, 20.0, 28.0], 15), 60.0)
     aside = Rays(eye, glance(np.arange(200.0, 240.0), 20.0)[2])
@@ -190,14 +190,16 @@ def test_single_rays_to_water_under_broken_cloud_are_near_reference(broken, unde
 
 
 def test_no_pixel_of_a_picture_is_mirrored_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One takes as long as the picture of all that is mirrored; water is found by each fourth ray of this picture."""
+    """One takes as long as the picture of all that is mirrored; water is found by each fourth ray of this picture, as
+    of one of 360 x 720 pixels."""
 
     def alone(*rays):
         raise AssertionError("a ray has been marched by itself")
 
     monkeypatch.setattr("openswim.transport.view.mirror.Water.by_itself", alone)
-    lit = openswim.light(demo_scene(64, 64, 20), Solver(tolerance=0.3))
-    lit.viewpoint(Camera.panorama(*lit.scene.place, size=(360, 720))).view(irradiance=False)
+    monkeypatch.setattr("openswim.transport.view.mirror._ASKED", 15_000)
+    lit = openswim.light(demo_scene(64, 64, 20), Solver(quality="preview"))
+    lit.viewpoint(Camera.panorama(*lit.scene.place, size=(180, 360))).view(irradiance=False)
 
 
 def test_a_pixel_with_a_little_water_is_in_the_picture_of_it(monkeypatch: pytest.MonkeyPatch) -> None:

