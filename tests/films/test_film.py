@@ -317,7 +317,7 @@ def test_a_short_path_is_lit_once_and_a_long_one_again_and_again() -> None:
         assert len(shares) == min(count, 2)
 
 
-def test_light_that_is_not_shown_any_more_is_not_held_while_other_light_is_solved(monkeypatch) -> None:
+def test_light_that_is_not_shown_any_more_is_not_held_while_other_light_is_solved(monkeypatch, request) -> None:
     import gc
     import weakref
 
@@ -326,6 +326,7 @@ def test_light_that_is_not_shown_any_more_is_not_held_while_other_light_is_solve
 
     gc.collect()
     gc.freeze()  # what other tests have left in this process is not looked through each time
+    request.addfinalizer(gc.unfreeze)
     held: list[weakref.ref] = []
     alive = []
     solve = making.light
