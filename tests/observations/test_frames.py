@@ -181,7 +181,7 @@ def test_one_of_several_frames_is_not_sent_to_an_option_of_single_ones(tmp_path)
     path = tmp_path / "clear.png"
     Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(path)
     pattern = FrameSettings(time_pattern="%d%m%y_%H%M")
-    for settings, says in ((None, "it a name such as sky_20240620_110000.jpg"), (pattern, "another pattern")):
+    for settings, says in ((None, "the frame a name such as sky_20240620_110000.jpg"), (pattern, "another pattern")):
         for alone in (True, False):
             with pytest.raises(UserError, match=says) as caught:
                 read_frame(path, settings=settings, alone=alone)

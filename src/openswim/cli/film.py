@@ -94,6 +94,7 @@ def _run(request: FilmRequest) -> None:
     for note in weather.first.notes:
         click.echo(f"note: {note}", err=True)
     solver = solver_of(picture)
+    count = f"{len(shots)} frame{'s' if len(shots) > 1 else ''}"
     middle, times = shots[len(shots) // 2].time, len({shot.time for shot in shots})
     one = mean_of([
         estimate(
@@ -104,7 +105,7 @@ def _run(request: FilmRequest) -> None:
     ])
     solves = "every five minutes of the path" if path is not None else f"for {times} time{'s' if times > 1 else ''}"
     click.echo(
-        f"{len(shots)} frames, light is solved {solves}; of one frame and its light {one}; what is done is kept beside "
+        f"{count}, light is solved {solves}; of one frame and its light {one}; what is done is kept beside "
         "the output, and a film that was stopped goes on", err=True,
     )  # fmt: skip
     start = clock.perf_counter()
@@ -114,7 +115,7 @@ def _run(request: FilmRequest) -> None:
         keogram=request.keogram, star_trails=request.star_trails, irradiance=request.irradiance,
         title=request.title, solver=solver, from_time=request.start, to_time=request.end,
     )  # fmt: skip
-    click.echo(f"{request.output}: {len(shots)} frames, {clock.perf_counter() - start:.0f} s")
+    click.echo(f"{request.output}: {count}, {clock.perf_counter() - start:.0f} s")
 
 
 def _at_start(picture: RenderRequest, path: "CameraPath") -> RenderRequest:

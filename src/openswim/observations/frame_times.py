@@ -26,7 +26,7 @@ _ZONE = re.compile(
 )
 _ZULU = re.compile(r"T\d{2}[-_.:]?\d{2}(?:[-_.:]?\d{2})?(?:[.,]\d+)?Z(?![A-Za-z\d])")  # as ISO 8601 has it
 _LONGEST_EXPOSURE_S = 3600.0
-_NAME = "it a name such as sky_20240620_110000.jpg"
+_NAME = "the frame a name such as sky_20240620_110000.jpg"
 
 
 @dataclass(frozen=True)
