@@ -258,7 +258,7 @@ def test_wrong_requests_are_one_line(srgb_frame, tmp_path):
     unnamed = tmp_path / "clear.png"
     unnamed.write_bytes(srgb_frame.read_bytes())
     for given in ({"frames": srgb_frame, "clear_frame": unnamed}, {"frames": [srgb_frame, unnamed]}):
-        with pytest.raises(UserError, match=r"clear.png: neither .* give it a name such as"):
+        with pytest.raises(UserError, match=r"clear.png: neither .* give the frame a name such as"):
             openswim.compare(None, camera=CAMERA, **given)
 
 
