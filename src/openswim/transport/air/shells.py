@@ -58,8 +58,9 @@ _DUSK_DEG, _DUSK_DEX = 91.0, 0.47  # from this zenith angle of the sun on light 
 _SUN_NODES = 160
 _HARMONICS = AIR_DEGREE * (AIR_DEGREE + 1) // 2
 _ORDINATES = (6, 8)  # cosines in each hemisphere, azimuths in half a circle
-_CONVERGED = 1e-3
-_MOST_ITERATIONS = 12
+_CONVERGED = 1e-3  # change by a round over the light there is, under the sun and at the wavelength where it is largest
+_MOST_ITERATIONS = 40
+_REMEMBERED = 4  # rounds before the last that tell where light is going
 SHINING_M, SHINING_HALF_M = 60e3, 25e3  # where the light of an even sky begins; thick enough for steps in thin air
 
 
@@ -238,13 +239,13 @@ def _even_sky(shape: tuple[int, ...]) -> NDArray[np.float32]:
 
 
 @lru_cache
-def _toward_nodes() -> Array:
+def _toward_nodes() -> NDArray[np.float32]:
     """Harmonics (node, harmonic) toward the directions of `Shells.source`."""
     basis = np.empty((SOURCE_ZENITHS * SOURCE_AZIMUTHS, _HARMONICS))
     nodes = ((mu, x) for mu in np.linspace(-1, 1, SOURCE_ZENITHS) for x in np.linspace(-1, 1, SOURCE_AZIMUTHS))
     for row, (mu, x) in zip(basis, nodes, strict=True):
         harmonics_symmetric(mu, x, AIR_DEGREE, row)
-    return basis
+    return basis.astype(FLOAT)
 
 
 def source_of(shells: Shells, moments: NDArray[np.float32], phase: Array) -> NDArray[np.float32]:
@@ -252,11 +253,12 @@ def source_of(shells: Shells, moments: NDArray[np.float32], phase: Array) -> NDA
     moments of molecules and delta-scaled ones of aerosol."""
     index = fractional_index(_MOMENT_LEVELS_M, shell_levels())
     k = np.minimum(index.astype(int), len(moments) - 2)
-    share = (index - k)[:, None, None, None]
+    share = (index - k).astype(FLOAT)[:, None, None, None]
     field = moments[k] * (1 - share) + moments[k + 1] * share
     order = np.repeat(np.arange(AIR_DEGREE), np.arange(AIR_DEGREE) + 1)
     molecules, aerosol = shells.rows[:, None, PACK : 2 * PACK], shells.rows[:, None, 2 * PACK : 3 * PACK]
-    scattered = field * (molecules * phase[0] + aerosol * phase[1])[:, None, order]
+    of_molecules, of_aerosol = phase.astype(FLOAT)
+    scattered = field * (molecules * of_molecules + aerosol * of_aerosol)[:, None, order]
     toward = np.tensordot(scattered, _toward_nodes(), axes=([2], [1]))
     return np.ascontiguousarray(np.moveaxis(toward, -1, 2).reshape(shells.source.shape), FLOAT)
 
@@ -358,6 +360,29 @@ class _Unlit(NamedTuple):
         return not self == other
 
 
+class _Round(NamedTuple):
+    """What an iteration found: `Shells.moments`, the ground's flux (sun, nw), and by how much the mean radiance
+    (level, sun, nw) has changed."""
+
+    moments: NDArray[np.float32]
+    flux: Array
+    change: Array
+
+
+def _foreseen(rounds: list[_Round]) -> tuple[NDArray[np.float32], Array]:
+    """Moments and flux to go on from: that mixture of rounds, wavelength by wavelength, whose change would be least
+    (Walker & Ni 2011). Orders of scattering fall nearly alike, so that few tell where they lead."""
+    *before, now = rounds
+    turns = np.array([now.change - one.change for one in before])
+    gram, along = np.einsum("alsw,blsw->wab", turns, turns), np.einsum("alsw,lsw->wa", turns, now.change)
+    shares = -np.einsum("wab,wb->aw", np.linalg.pinv(gram, 1e-7, hermitian=True), along)
+    moments, flux = now.moments.copy(), now.flux.copy()
+    for share, one in zip(shares, before, strict=True):
+        moments += share.astype(FLOAT) * (now.moments - one.moments)
+        flux += share * (now.flux - one.flux)
+    return moments, flux
+
+
 @lru_cache(maxsize=8)  # pictures, irradiance and the clear sky beside a model ask for the same air
 def _solve(unlit: _Unlit) -> Shells:
     """Orders of scattering until the moments settle: rays from every level and sun see what the last round left.
@@ -372,16 +397,21 @@ def _solve(unlit: _Unlit) -> Shells:
     origin, direction, levels = gather.origin, gather.direction, gather.levels
     direct = beam_transmission(shells, sun_mu) * np.maximum(sun_mu, 0)[:, None]
     shells = shells._replace(ground_flux=direct.astype(FLOAT))
+    rounds: list[_Round] = []
     for _ in range(_MOST_ITERATIONS):
         moments = np.empty(shells.moments.shape, FLOAT)
         flux = direct.copy()
         for star, mu_sun in enumerate(sun_mu):
             sun = np.array([np.sqrt(max(0.0, 1 - mu_sun**2)), 0.0, mu_sun])
-            radiance = clear_radiance(origin, direction, sun, shells, 1.8 * scale).reshape(levels, -1, PACK)
+            radiance = clear_radiance(origin, direction, sun, shells, 1.5 * scale).reshape(levels, -1, PACK)
             moments[:, star] = gather.weighted @ radiance
             flux[star] += gather.down @ radiance[0]
-        mean = moments[:, :, 0]
-        change = np.abs(mean - shells.moments[:, :, 0]).sum() / max(np.abs(mean).sum(), 1e-30)
+        mean = moments[:, :, 0].astype(float)
+        before = rounds[len(rounds) - min(len(rounds), _REMEMBERED) :]
+        rounds = [*before, _Round(moments, flux, mean - shells.moments[:, :, 0])]
+        change = (np.abs(rounds[-1].change).sum(axis=0) / np.maximum(np.abs(mean).sum(axis=0), 1e-30)).max()
+        if len(rounds) > 1:
+            moments, flux = _foreseen(rounds)
         source = source_of(shells, moments, phase)
         shells = shells._replace(
             moments=moments, source=source if glow is None else source + glow, ground_flux=flux.astype(FLOAT)
