@@ -300,9 +300,11 @@ def test_water_on_the_slopes_of_a_coarse_grid_is_level_to_reference(monkeypatch:
     assert light.mean() == pytest.approx(0.2, rel=0.2)  # as by `fast`; means of six seeds: .167 to .195
 
 
-@pytest.mark.parametrize(("width_deg", "rows"), [(0.0, 16), (0.01, 16), (0.1, 4), (1.0, 3)])
-def test_what_is_mirrored_has_no_more_rows_than_pixels(width_deg: float, rows: int) -> None:
-    """A sea .2 degrees high, far away."""
+@pytest.mark.parametrize(
+    ("width_deg", "rows", "columns"), [(0.0, 16, 59), (0.01, 16, 59), (0.1, 4, 59), (1.0, 3, 25), (4.0, 3, 8)]
+)
+def test_what_is_mirrored_is_no_finer_than_pixels(width_deg: float, rows: int, columns: int) -> None:
+    """A sea .2 degrees high and 23 wide, far away."""
     altitude = np.radians(-np.linspace(1.0, 1.2, 50))
     azimuth = np.linspace(-0.2, 0.2, 50)
     toward = np.stack([np.cos(altitude) * np.sin(azimuth), np.cos(altitude) * np.cos(azimuth), np.sin(altitude)], -1)
@@ -313,5 +315,5 @@ def test_what_is_mirrored_has_no_more_rows_than_pixels(width_deg: float, rows: i
         return np.ones((len(origin), PACK), FLOAT), np.full(len(origin), -1.0)
 
     made = Mirrored.of(look, None, 6.371e6, eye, wet)
-    assert made.altitude.size == rows
+    assert (made.altitude.size, made.azimuth.size) == (rows, columns)
     np.testing.assert_allclose(made.along(toward), 1.0, rtol=1e-5)

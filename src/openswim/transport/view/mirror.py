@@ -279,10 +279,10 @@ def _axis(angle: F64, most: int, width_rad: float) -> F64:
     """Even nodes that span the angles, of rays of a width."""
     low, high = float(angle.min()), float(angle.max())
     # a lake seen at a glance spans little altitude and much distance, but no more of it than there are pixels
-    least = most // 3
+    least, step = most // 3, _LEAST_STEP_RAD
     if width_rad > 0:
-        least = min(least, int(np.ceil((high - low) / width_rad)) + 2)
-    return np.linspace(low, high + 1e-9, int(np.clip(np.ceil((high - low) / _LEAST_STEP_RAD) + 1, least, most)))
+        least, step = min(least, int(np.ceil((high - low) / width_rad)) + 2), max(step, width_rad)
+    return np.linspace(low, high + 1e-9, int(np.clip(np.ceil((high - low) / step) + 1, least, most)))
 
 
 def _widest_gap(azimuth: F64) -> float:
