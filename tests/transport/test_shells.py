@@ -144,8 +144,8 @@ def test_the_same_air_is_solved_once_and_other_air_anew() -> None:
 
 
 @pytest.mark.parametrize(("aod", "albedo", "suns_deg", "field", "flux"), [
-    (0.1, 0.2, (88.0, 102.0), 5e-4, 3.5e-3), (1.0, 0.2, (20.0, 58.0), 3.2e-4, 8e-4),
-    (0.1, 1.0, (20.0, 58.0), 2.5e-4, 8e-5), (3.0, 0.2, (20.0, 58.0), 1.3e-3, 1.3e-3),
+    (0.1, 0.2, (88.0, 102.0), 5e-4, 3.5e-3), (1.0, 0.2, (20.0, 58.0), 2.8e-4, 7.7e-4),
+    (0.1, 1.0, (20.0, 58.0), 2.5e-4, 8e-5), (3.0, 0.2, (20.0, 58.0), 3.1e-4, 4.6e-4),
 ])  # fmt: skip
 def test_orders_of_scattering_that_are_foreseen_are_those_of_many_rounds(
     monkeypatch: pytest.MonkeyPatch, aod: float, albedo: float, suns_deg: tuple[float, float], field: float, flux: float
@@ -166,10 +166,11 @@ def test_orders_of_scattering_that_are_foreseen_are_those_of_many_rounds(
     assert np.abs(found.ground_flux / truth.ground_flux - 1).max() < flux
 
 
-@pytest.mark.parametrize(("aod", "most"), [(0.1, 0.0058), (1.0, 0.0066), (3.0, 0.07)])
+@pytest.mark.parametrize(("aod", "most"), [(0.1, 0.0052), (1.0, 0.0101), (3.0, 0.025)])
 @pytest.mark.parametrize("sza", [30.0, 60.0])
 def test_haze_that_absorbs_nothing_keeps_all_light(aod: float, most: float, sza: float) -> None:
-    """What comes in either leaves again or is the black ground's; round an Earth it may be .5 % more."""
+    """What comes in either leaves again or is the black ground's; round an Earth it may be .5 to .8 % more. With rounds
+    that ended too early, and levels 300 m and more apart, up to a fifth was lost at a depth of 3."""
     haze = AerosolProfile(optical_depth=aod, single_scattering_albedo=1.0)
     scene = Scene.clear(LAT, LON, Atmosphere.us_standard(ozone_du=0.0, aerosol=haze), surface_albedo=0.0)
     sun = scene_frame(scene).direction(SUN_AZIMUTH, 90.0 - sza, LAT, LON)

@@ -63,7 +63,7 @@ class Dimmed:
         made = cls(shadow, sun, wavelengths_nm, here, *empty, np.zeros(PACK))
         if air is None:
             return made
-        rays, phase = gathering(lit.ground_m), phase_moments(air)[1]
+        rays, phase = gathering(lit), phase_moments(air)[1]
         turn = np.arctan2(sun[1], sun[0])
         # on both sides of the sun: moments are of what is alike there
         sides = [_turned(rays.direction * [1, side, 1], turn) for side in (1, -1)]

@@ -50,6 +50,7 @@ _MOMENT_LEVELS_M = np.array(
     [0, 300, 600, 1000, 1500, 2000, 3000, 4000, 5000, 6000, 8000, 10000, 12000, 14000, 17000, 20000, 24000, 28000,
      33000, 40000, 50000, 65000, 80000, 100000], float
 )  # fmt: skip
+_THICK, _HALVINGS = 0.2, 3  # depth of a layer between these from which on it is halved, at most so many times
 _SUNS_DEG = np.array(
     [0, 10, 20, 30, 40, 50, 58, 65, 70, 74, 78, 81, 84, 86, 88, 89.5, 91, 92, 93, 94, 95, 96, 97, 98, 99, 100, 101, 102,
      104, 106, 108, 110], float
@@ -193,16 +194,16 @@ def build_shells(
     rayleigh = background.rayleigh_per_m.T
     forward = scattered * f
     extinction = rayleigh + background.absorption_per_m.T + aerosol - forward
-    rows = np.concatenate([extinction, rayleigh, scattered, forward], axis=1)
+    rows = np.concatenate([extinction, rayleigh, scattered, forward], axis=1).astype(FLOAT)
     slant = slant_depths(np.concatenate([extinction, forward], axis=1), levels, radius_m, ground_m)
     level_table = fractional_index(levels, np.arange(0, levels[-1] + 100, 1 / SHELL_TABLE_PER_M))
     # below FAR_M, which stands for vacuum, also at the very top, where rays from space begin
     reach_table = np.minimum(np.interp(level_table, np.arange(len(levels)), reach(extinction)), 0.5 * FAR_M)
     shells = Shells(
-        radius_m, ground_m, ground_m + levels[-1], level_table, reach_table, rows.astype(FLOAT),
+        radius_m, ground_m, ground_m + levels[-1], level_table, reach_table, rows,
         phase.astype(FLOAT),
         slant.astype(FLOAT), _horizon(levels, radius_m, ground_m), sun_table,
-        np.zeros((len(_MOMENT_LEVELS_M), len(suns), _HARMONICS, nw), FLOAT),
+        np.zeros((len(moment_levels(rows[:, :PACK])), len(suns), _HARMONICS, nw), FLOAT),
         np.zeros((len(levels), len(suns), SOURCE_ZENITHS, SOURCE_AZIMUTHS, nw), FLOAT), flux.astype(FLOAT), albedo,
     )  # fmt: skip
     return _solve(_Unlit(tidy(shells), phase, sun_mu, scale, background.starlit))
@@ -251,7 +252,7 @@ def _toward_nodes() -> NDArray[np.float32]:
 def source_of(shells: Shells, moments: NDArray[np.float32], phase: Array) -> NDArray[np.float32]:
     """What the shells scatter of the diffuse field ``moments``: `Shells.source`. ``phase``: (2, moment, nw), Legendre
     moments of molecules and delta-scaled ones of aerosol."""
-    index = fractional_index(_MOMENT_LEVELS_M, shell_levels())
+    index = fractional_index(moment_levels(shells.rows[:, :PACK]), shell_levels())
     k = np.minimum(index.astype(int), len(moments) - 2)
     share = (index - k).astype(FLOAT)[:, None, None, None]
     field = moments[k] * (1 - share) + moments[k + 1] * share
@@ -272,6 +273,17 @@ def _horizon(levels: Array, radius_m: float, ground_m: float) -> Array:
 def shell_levels() -> Array:
     """Heights above the ground (m) on which the shells keep their profiles."""
     return _LEVELS_M
+
+
+def moment_levels(extinction_per_m: NDArray[np.float32]) -> Array:
+    """Heights above the ground (m) at which `Shells.moments` has the light of air of an extinction (nl, nw) on
+    `shell_levels`: closer where it is thick."""
+    densest, levels = extinction_per_m.max(axis=1), _MOMENT_LEVELS_M
+    depth = np.append(0.0, np.cumsum(0.5 * (densest[1:] + densest[:-1]) * np.diff(shell_levels())))
+    for _ in range(_HALVINGS):
+        thick = np.diff(np.interp(levels, shell_levels(), depth)) > _THICK
+        levels = np.sort(np.append(levels, 0.5 * (levels[1:] + levels[:-1])[thick]))
+    return levels
 
 
 def beam_transmission(shells: Shells, mu_sun: Array, level: int = 0) -> Array:
@@ -316,15 +328,15 @@ class Gathering(NamedTuple):
     down: Array
 
 
-def gathering(ground_m: float) -> Gathering:
-    """Over ground at a height above sea level."""
+def gathering(shells: Shells) -> Gathering:
+    """Of the light of shells."""
     mu, azimuth, weight = hemisphere_product(*_ORDINATES)
     sine = np.sqrt(1 - mu**2)
     ordinates = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), mu], axis=-1)
     basis = np.empty((len(mu), _HARMONICS))
     for row, m, phi in zip(basis, mu, azimuth, strict=True):
         harmonics_symmetric(m, np.cos(phi), AIR_DEGREE, row)
-    levels = ground_m + np.maximum(_MOMENT_LEVELS_M, 0.5)
+    levels = shells.ground_m + np.maximum(moment_levels(shells.rows[:, :PACK]), 0.5)
     origin = np.zeros((len(levels) * len(mu), 3))
     origin[:, 2] = np.repeat(levels, len(mu))
     return Gathering(
@@ -393,7 +405,7 @@ def _solve(unlit: _Unlit) -> Shells:
     glow = _even_sky(shells.source.shape) if starlit else None
     if glow is not None:
         shells = shells._replace(source=glow)
-    gather = gathering(shells.ground_m)
+    gather = gathering(shells)
     origin, direction, levels = gather.origin, gather.direction, gather.levels
     direct = beam_transmission(shells, sun_mu) * np.maximum(sun_mu, 0)[:, None]
     shells = shells._replace(ground_flux=direct.astype(FLOAT))
