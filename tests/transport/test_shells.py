@@ -179,6 +179,20 @@ def test_haze_that_absorbs_nothing_keeps_all_light(aod: float, most: float, sza:
     np.testing.assert_allclose(kept, np.cos(np.radians(sza)), rtol=most)
 
 
+@pytest.mark.parametrize("depth", [1.0, 8.0, 16.0])
+def test_the_sun_is_dimmed_as_it_should_however_thick_haze_is(depth: float) -> None:
+    """Rays that ended at a transmission of 3e-5 showed the disc through any haze."""
+    haze = AerosolProfile(optical_depth=depth, angstrom_exponent=0.0)
+    scene = Scene.clear(LAT, LON, Atmosphere.us_standard(ozone_du=0.0, aerosol=haze), surface_albedo=0.0)
+    frame = scene_frame(scene)
+    sun = frame.direction(SUN_AZIMUTH, 90.0, LAT, LON)
+    field = Solver().solve(scene, sun, (550.0,))
+    seen = field.view(Rays(frame.position(LAT, LON, 0.0), sun)).transmittance[0, 0]
+    air = background(scene.atmosphere, np.array([550.0]), shell_levels())
+    total = air.rayleigh_per_m + air.absorption_per_m + air.aerosol_per_m
+    assert -np.log(seen) == pytest.approx(np.trapezoid(total[0], shell_levels()), abs=0.007)
+
+
 def test_vacuum_lets_all_through() -> None:
     shells = build_shells(None, (0.0, 80.0), RADIUS_M, 0.0, 0.3, 3000.0)
     assert not shells.extinction.any()

@@ -70,6 +70,8 @@ F64 = NDArray[np.float64]
 
 _FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 DARK = FLOAT(3e-5)  # transmission below which a ray has seen enough
+# Within 10 degrees of the sun ever less, for what is behind is ever brighter: its disc (L' = 2e5) would show through
+_PER_NEAR_SUN, _DARKEST = 1 / (1 - math.cos(math.radians(10.0))), FLOAT(1e-10)
 MOST_SAMPLES = 20_000
 TILE = 256  # rays that follow each other
 _PARTS = 16  # of a view's rays for each thread, taken one by one
@@ -123,6 +125,8 @@ def _gather(lane, world, cone, species_depth):
     ray = Ray(lane.own[ANGLE], FLOAT(lane.own[SHARE]), lane.constants, lane.peak)
     # r mu_sun = sunward + s cos_angle
     sunward = w[OX] * sun[0] + w[OY] * sun[1] + (radius_m + w[OZ]) * sun[2]
+    aside = FLOAT(min(1.0, (1.0 - ray.cos_angle) * _PER_NEAR_SUN))
+    dark = max(DARK * aside * aside, _DARKEST)
     seen, near = gathered(lane)
     count = int(w[COUNT])
     looked = count
@@ -167,7 +171,7 @@ def _gather(lane, world, cone, species_depth):
             put(lane.gathered, DETAIL + FRESH, _ZERO)
             seen = _plain_step(seen, near, far, ds_m, ahead)
         near, before = far, place
-        if largest(seen.through) < DARK:
+        if largest(seen.through) < dark:
             looked = n + 1
             break
     keep(lane, seen, near)
