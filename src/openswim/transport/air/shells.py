@@ -50,7 +50,9 @@ _MOMENT_LEVELS_M = np.array(
     [0, 300, 600, 1000, 1500, 2000, 3000, 4000, 5000, 6000, 8000, 10000, 12000, 14000, 17000, 20000, 24000, 28000,
      33000, 40000, 50000, 65000, 80000, 100000], float
 )  # fmt: skip
-_THICK, _HALVINGS = 0.2, 3  # depth of a layer between these from which on it is halved, at most so many times
+# Depth of a layer between these from which on it is halved, at most so many times: haze of a depth of 3 that absorbs
+# nothing keeps 98 % of its light, with whole layers 95
+_THICK, _HALVINGS = 0.2, 3
 _SUNS_DEG = np.array(
     [0, 10, 20, 30, 40, 50, 58, 65, 70, 74, 78, 81, 84, 86, 88, 89.5, 91, 92, 93, 94, 95, 96, 97, 98, 99, 100, 101, 102,
      104, 106, 108, 110], float
@@ -419,8 +421,7 @@ def _solve(unlit: _Unlit) -> Shells:
             moments[:, star] = gather.weighted @ radiance
             flux[star] += gather.down @ radiance[0]
         mean = moments[:, :, 0].astype(float)
-        before = rounds[len(rounds) - min(len(rounds), _REMEMBERED) :]
-        rounds = [*before, _Round(moments, flux, mean - shells.moments[:, :, 0])]
+        rounds = [*rounds, _Round(moments, flux, mean - shells.moments[:, :, 0])][-1 - _REMEMBERED :]
         change = (np.abs(rounds[-1].change).sum(axis=0) / np.maximum(np.abs(mean).sum(axis=0), 1e-30)).max()
         if len(rounds) > 1:
             moments, flux = _foreseen(rounds)
