@@ -11,14 +11,14 @@ from openswim.cameras import Rays
 from openswim.scene.procedural import demo_scene
 from openswim.solver import Solver
 from openswim.transport import Field
-from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.pack import PACK, lane
 from openswim.transport.march.cloud_detail import (
-    NOISE,
     SCRATCH,
     Detail,
     detail_of,
     noise_at,
     normal_share,
+    place_octaves,
     seen_octaves,
     sunward,
     thickened,
@@ -36,12 +36,13 @@ def _looked_up(detail, blur_m, place, share):
     """Noise, factor on the extinction and slope at places (n, 3) of a share (n,)."""
     out = np.zeros((3, place.shape[0]))
     scratch = np.zeros(SCRATCH, np.float32)
-    count, edge = seen_octaves(detail, blur_m, scratch)
+    edge = seen_octaves(detail, blur_m, scratch)
     for n in range(place.shape[0]):
-        noise_at(detail, count, place[n, 0], place[n, 1], place[n, 2], scratch)
-        out[0, n] = scratch[NOISE]
-        out[1, n] = thickened(scratch[NOISE], edge, np.float32(share[n]), detail.quantile)
-        out[2, n] = scratch[NOISE + 1] + scratch[NOISE + 2] + scratch[NOISE + 3]
+        place_octaves(detail, blur_m, place[n, 0], place[n, 1], place[n, 2], 0.0, 0.0, 0.0, scratch)
+        found = noise_at(detail, np.float32(0.0), scratch)
+        out[0, n] = lane(found, 0)
+        out[1, n] = thickened(lane(found, 0), edge, np.float32(share[n]), detail.quantile)
+        out[2, n] = lane(found, 1) + lane(found, 2) + lane(found, 3)
     return out
 
 

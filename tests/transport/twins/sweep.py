@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.special import factorial, lpmv
-from tests.transport.twins.steps import between, emission, transmission
+from tests.transport.twins.steps import between, emission
+from tests.transport.twins.steps import transmission_of_sweep as transmission
 
 
 def harmonics(directions, degree):
@@ -85,7 +86,8 @@ def carry(direction, extinction, emitted, inflow, first, levels_m, cell_m, ends)
                 corners[0][0, 0, 0] = 0.0  # the node itself, yet to be known
                 up, beta_up, source_up = (between(c, dz, dy, dx) for c in corners)
                 tau = length * (beta[k, j, i] + beta_up) / 2
-                own = emission(tau, length, source[k, j, i], source_up, beta[k, j, i], beta_up, 0.1, 4)
+                both = source[k, j, i], source_up, beta[k, j, i], beta_up
+                own = emission(tau, length, *both, 0.1, 4, transmission)
                 light[k, j, i] = transmission(tau) * up + own
             if open_x:
                 two = [side_x, side_x - toward[0]]

@@ -63,7 +63,8 @@ def step_weights(extinction, extinction_up, ds):
     """(trans, near, far) of a step: radiance = trans upstream + near source + far source_up; scalars or packs.
 
     The same step as `step_emission`, source and extinction linear between, written with a single division since
-    divisions are what it costs.
+    divisions are what it costs: e^-tau is the 16th power of what five terms of the exponential series give at tau/16,
+    within 2e-5.
     """
     tau = (extinction + extinction_up) * (_HALF * ds)
     y = tau * _SIXTEENTH
@@ -73,7 +74,7 @@ def step_weights(extinction, extinction_up, ds):
     d = choose_above(tau, _SHORT, tau, _SHORT)
     pq = p * q
     r = _ONE / (pq * d)
-    t = r * q * d  # e^(-tau/16), see `transmission`
+    t = r * q * d  # e^(-tau/16)
     t = t * t
     t = t * t
     t = t * t

@@ -155,17 +155,20 @@ def read_quadruple(typingctx, array, n):
     return _QUADRUPLE(array, types.intp), _reader(_QUADRUPLE)
 
 
-@intrinsic
-def read_bytes(typingctx, array, n):
-    """The PACK numbers from flat element n of an int8 array, n a multiple of PACK."""
-    _flat_array(array, types.int8)
-
+def _bytes_reader(kind):
     def lower(context, builder, sig, args):
-        pointer = _element(context, builder, sig.args[0], args[0], args[1], PACK)
-        kind = _vector(_NARROW, ir.IntType(8))
-        return builder.sitofp(builder.load(builder.bitcast(pointer, kind.as_pointer()), align=4), _vector(_NARROW))
+        pointer = _element(context, builder, sig.args[0], args[0], args[1], kind.width)
+        given = _vector(kind, ir.IntType(8))
+        return builder.sitofp(builder.load(builder.bitcast(pointer, given.as_pointer()), align=4), _vector(kind))
 
-    return _NARROW(array, types.intp), lower
+    return lower
+
+
+@intrinsic
+def read_double_bytes(typingctx, array, n):
+    """The 2 PACK numbers from flat element n of an int8 array, n a multiple of PACK."""
+    _flat_array(array, types.int8)
+    return _DOUBLE(array, types.intp), _bytes_reader(_DOUBLE)
 
 
 @intrinsic
@@ -337,15 +340,49 @@ def high(typingctx, pack):
     return _half_of(pack, 1)
 
 
+def _integers(builder, value):
+    """Integer parts, of integers as wide as the numbers are."""
+    kind, given = ir.IntType(8 * BYTES), value.type
+    return builder.fptosi(value, ir.VectorType(kind, given.count) if isinstance(given, ir.VectorType) else kind)
+
+
 @intrinsic
-def whole(typingctx, pack):
-    """Integer part of a pack >= 0."""
+def whole(typingctx, x):
+    """Integer part of a number or a pack >= 0."""
+    kind = x if isinstance(x, PackType) else _NUMBER
 
     def lower(context, builder, sig, args):
-        kind = sig.return_type
-        return builder.sitofp(builder.fptosi(args[0], _vector(kind, _INT)), _vector(kind))
+        return builder.sitofp(_integers(builder, args[0]), args[0].type)
 
-    return pack(pack), lower
+    return kind(kind), lower
+
+
+@intrinsic
+def halved(typingctx, x, times):
+    """A number or a pack, halved as often as the integer part of ``times`` >= 0 says; it must not become denormal."""
+    kind = x if isinstance(x, PackType) else _NUMBER
+
+    def lower(context, builder, sig, args):
+        steps = _integers(builder, args[1])
+        exponent = 23 if BYTES == 4 else 52
+        shift = ir.Constant(steps.type, [exponent] * steps.type.count if kind is not _NUMBER else exponent)
+        bits = builder.sub(builder.bitcast(args[0], steps.type), builder.shl(steps, shift))
+        return builder.bitcast(bits, args[0].type)
+
+    return kind(kind, kind), lower
+
+
+@intrinsic
+def power_of_two(typingctx, x):
+    """The greatest power of two that is not above a number > 0."""
+
+    def lower(context, builder, sig, args):
+        kind = ir.IntType(8 * BYTES)
+        bits = builder.bitcast(context.cast(builder, args[0], sig.args[0], _NUMBER), kind)
+        exponent = kind(0x7F800000 if BYTES == 4 else 0x7FF0000000000000)
+        return builder.bitcast(builder.and_(bits, exponent), _FLOAT)
+
+    return _NUMBER(x), lower
 
 
 @intrinsic
@@ -360,6 +397,53 @@ def largest(typingctx, pack):
         return lanes[0]
 
     return _NUMBER(pack), lower
+
+
+@intrinsic
+def sum_of(typingctx, pack):
+    """Sum of a pack's numbers."""
+
+    def lower(context, builder, sig, args):
+        lanes = [builder.extract_element(args[0], _INT(w)) for w in range(sig.args[0].width)]
+        while len(lanes) > 1:
+            half = len(lanes) // 2
+            lanes = [builder.fadd(a, b, flags=_FAST) for a, b in zip(lanes[:half], lanes[half:], strict=True)]
+        return lanes[0]
+
+    return _NUMBER(pack), lower
+
+
+@intrinsic
+def lane(typingctx, pack, n):
+    """Number n of a pack."""
+
+    def lower(context, builder, sig, args):
+        return builder.extract_element(args[0], args[1])
+
+    return _NUMBER(pack, types.intp), lower
+
+
+@intrinsic
+def whole_lane(typingctx, pack, n):
+    """Integer part of number n of a pack."""
+
+    def lower(context, builder, sig, args):
+        number = builder.extract_element(builder.fptosi(args[0], _vector(sig.args[0], _INT)), args[1])
+        return builder.sext(number, context.get_value_type(types.intp))
+
+    return types.intp(pack, types.intp), lower
+
+
+@intrinsic
+def floored(typingctx, pack):
+    """A pack's numbers rounded down."""
+
+    def lower(context, builder, sig, args):
+        kind = args[0].type
+        name = f"llvm.floor.v{sig.return_type.width}f{8 * BYTES}"
+        return builder.call(get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), name), args)
+
+    return pack(pack), lower
 
 
 @intrinsic

@@ -11,12 +11,16 @@ import math
 import numpy as np
 from numba import njit
 
-from openswim.transport.engine.pack import PACK, choose_above, flat
+from openswim.transport.engine.pack import PACK, choose_above, flat, halved, whole
 from openswim.transport.engine.types import FLOAT
 
 __all__ = ["PACK", "flat"]  # beside what stands here
 
 _F1 = FLOAT(1.0)
+_HALVES, _DARKEST = FLOAT(1 / math.log(2.0)), FLOAT(80.0)  # of an optical depth of 1; e^-80 is not denormal yet
+# 2^-t = 1 + t (...) from 0 to 1 within 2.5e-7 t and one half at 1, by linear programming
+POLYNOMIAL = -0.693146927, 0.240213912, -0.0554035751, 0.00933454995, -0.000997959641
+_P1, _P2, _P3, _P4, _P5 = map(FLOAT, POLYNOMIAL)
 _MOST_DEGREE = 12
 
 
@@ -37,19 +41,15 @@ UP, BACK, ALONG = _recurrence()
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
 def transmission(optical_depth):
-    """exp(-optical_depth) for any depth >= 0, absolute error below 2e-5; vectorises, unlike exp.
+    """exp(-optical_depth) for any depth >= 0, within 3e-7, and within 5e-4 of itself below 0; vectorises, unlike exp.
 
-    The Taylor polynomial of exp at a sixteenth of the depth, inverted and squared four times.
+    2^-t of the whole part of t by the number's exponent, of the rest by a polynomial.
     """
-    y = optical_depth * FLOAT(0.0625)
-    p = _F1 + y * (
-        _F1 + y * (FLOAT(0.5) + y * (FLOAT(1 / 6) + y * (FLOAT(1 / 24) + y * FLOAT(1 / 120))))
-    )
-    t = _F1 / p
-    t = t * t
-    t = t * t
-    t = t * t
-    return t * t
+    t = choose_above(optical_depth, _DARKEST, _DARKEST, optical_depth) * _HALVES
+    rest = t - whole(t)
+    square = rest * rest
+    curve = (_P2 + _P3 * rest) + square * (_P4 + _P5 * rest)
+    return halved((_F1 + _P1 * rest) + square * curve, t)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")

@@ -15,8 +15,24 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from openswim.transport.engine.pack import PACK, flat, put, read, read_bytes, spread, write
-from openswim.transport.engine.scalar import smoothstep, transmission
+from openswim.transport.engine.pack import (
+    PACK,
+    choose_above,
+    flat,
+    floored,
+    high,
+    lane,
+    low,
+    put,
+    read,
+    read_double,
+    read_double_bytes,
+    spread,
+    sum_of,
+    whole_lane,
+    write,
+)
+from openswim.transport.engine.scalar import transmission
 from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
@@ -37,19 +53,22 @@ _SURPLUS, _SURPLUS_M = 0.1, 500.0
 _THINNING = 0.7  # power of mean over greatest extinction that is the share of cloud: thin edges are wide, and thin
 _QUANTILES = 256
 _SHADING = FLOAT(0.9)  # greatest change of the beam by the slope of thick lumps toward the sun
-# Scratch: the octaves' weights, what `noise_at` finds; extinction, forward peaks and source where a detailed step
-# ended, and whether the next begins there
-NOISE, HERE, FRESH, SCRATCH = 2 * PACK, 3 * PACK, 6 * PACK, 7 * PACK
+OCTAVES, _SIDE = 2 * PACK, TILE + 1
+# Scratch: the octaves' weights; extinction, forward peaks and source where a detailed step ended, whether the next
+# begins there, and `Detail.in_cloud` there; of every octave, where in the tile a step begins and how far it goes
+HERE, FRESH, DENSE, PLACES = OCTAVES, OCTAVES + 3 * PACK, OCTAVES + 3 * PACK + 1, OCTAVES + 4 * PACK
+SCRATCH = PLACES + 2 * OCTAVES * PACK
 
 
 class Detail(NamedTuple):
     """How clouds are refined below a grid; without octaves not at all."""
 
-    tile: NDArray[np.int8]  # (TILE, TILE, TILE, PACK) noise N(0, 1), and its slopes along the axes, of unit variance
+    # (TILE + 1, TILE + 1, TILE + 1, PACK), the last nodes as the first: noise N(0, 1), slopes along the axes, as large
+    tile: NDArray[np.int8]
     turn: F64  # (octaves, 3, 3) from metres along the grid's axes to nodes of the tile
     sun: F32  # (octaves, PACK) 1, then the direction to the sun in the tile's axes
-    wavelength_m: F64  # (octaves,)
-    weight: F32  # (octaves,) standard deviation
+    wavelength_m: F32  # (OCTAVES,), 0 of those that there are not
+    weight: F32  # (OCTAVES,) standard deviation
     quantile: F32  # of the normal distribution, by share of the mean in `in_cloud`
     refined: F32  # (species,) 1 for those that are
     in_cloud: F32  # (nz, ny, nx) greatest extinction around each node, 1/m
@@ -57,7 +76,7 @@ class Detail(NamedTuple):
 
 
 NO_DETAIL = Detail(
-    np.zeros((1, 1, 1, PACK), np.int8), np.zeros((0, 3, 3)), np.zeros((0, PACK), FLOAT), np.zeros(0),
+    np.zeros((1, 1, 1, PACK), np.int8), np.zeros((0, 3, 3)), np.zeros((0, PACK), FLOAT), np.zeros(0, FLOAT),
     np.zeros(0, FLOAT), np.zeros(2, FLOAT), np.zeros(1, FLOAT), np.zeros((1, 1, 1), FLOAT), np.zeros(2),
 )  # fmt: skip
 
@@ -81,7 +100,8 @@ def _tile() -> NDArray[np.int8]:
     value /= map_coordinates(value, rng.random((3, 100_000)) * TILE, order=1, mode="grid-wrap").std()
     slopes = [np.roll(value, -1, axis) - np.roll(value, 1, axis) for axis in range(3)]
     every = np.stack([value, *(s / s.std() for s in slopes)], axis=-1)
-    return np.ascontiguousarray(np.clip(np.round(_STEPS * every), -127, 127), np.int8)
+    whole = np.pad(np.clip(np.round(_STEPS * every), -127, 127), [(0, 1)] * 3 + [(0, 0)], mode="wrap")
+    return np.ascontiguousarray(whole, np.int8)
 
 
 def first_wavelength_m(cell_m: float) -> float:
@@ -108,11 +128,15 @@ def detail_of(
     least = 0.5 / _QUANTILES
     return Detail(
         _tile(), np.ascontiguousarray(turns * (TILE / _DOMES / wavelength)[:, None, None]),
-        np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(FLOAT), wavelength,
-        weight.astype(FLOAT), ndtri(np.clip(share, least, 1 - least)).astype(FLOAT), refined,
+        np.concatenate([np.ones((len(turns), 1)), turns @ sun], axis=1).astype(FLOAT),
+        _eight(wavelength), _eight(weight), ndtri(np.clip(share, least, 1 - least)).astype(FLOAT), refined,
         np.asarray(FLOAT(most) * maximum_filter(extinction, 3, mode="nearest"), FLOAT),
         np.array(drift_m, float),
     )  # fmt: skip
+
+
+def _eight(values: F64) -> F32:
+    return np.pad(values, (0, OCTAVES - len(values))).astype(FLOAT)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
@@ -173,44 +197,50 @@ def scalar_at(field, ix, iy, level):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def seen_octaves(detail, blur_m, scratch):
-    """Note the weight that a blur leaves of every octave. Returns how many are seen, and the standard deviation of what
-    is not."""
-    count = 0
-    left = _ONE
-    for n in range(detail.wavelength_m.shape[0]):
-        seen = FLOAT(smoothstep(flat(detail.wavelength_m, n) / blur_m - 1.0)) * flat(detail.weight, n)
-        put(scratch, n, seen)
-        left -= seen * seen
-        if seen > _ZERO:
-            count = n + 1
-    return count, FLOAT(math.sqrt(left))
+def place_octaves(detail, blur_m, x, y, z, dx, dy, dz, scratch):
+    """Note where in the tile a place (metres along the grid's axes) is, and how far there it is to another, by the
+    turn of every octave of which a blur leaves something."""
+    turn = detail.turn
+    for n in range(turn.shape[0]):
+        if flat(detail.wavelength_m, n) <= FLOAT(blur_m):  # those that follow are shorter
+            break
+        for axis in range(3):
+            m, at = 9 * n + 3 * axis, PLACES + 2 * n * PACK + axis
+            u = flat(turn, m) * x + flat(turn, m + 1) * y + flat(turn, m + 2) * z
+            put(scratch, at, u - TILE * math.floor(u * (1 / TILE)))
+            put(scratch, at + PACK, flat(turn, m) * dx + flat(turn, m + 1) * dy + flat(turn, m + 2) * dz)
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def noise_at(detail, count, x, y, z, scratch):
-    """Noise at a place (metres along the grid's axes) and the three parts of its slope toward the sun, into
-    scratch[NOISE:], by the weights of `seen_octaves`."""
+def seen_octaves(detail, blur_m, scratch):
+    """Note the weight that a blur leaves of every octave. Returns the standard deviation of what it does not."""
+    blur = FLOAT(blur_m)
+    x = (read_double(detail.wavelength_m, 0) - blur) * (_ONE / blur)
+    x = choose_above(x, _ZERO, x, _ZERO)
+    x = choose_above(x, _ONE, _ONE, x)
+    seen = x * x * (FLOAT(3.0) - FLOAT(2.0) * x) * read_double(detail.weight, 0)
+    write(scratch, 0, seen)
+    return FLOAT(math.sqrt(_ONE - sum_of(seen * seen)))
+
+
+@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+def noise_at(detail, share, scratch):
+    """Noise, and the three parts of its slope toward the sun, at a share of the way between the places of
+    `place_octaves`, by the weights of `seen_octaves`: a pack."""
     total = spread(_ZERO)
-    tile, turn = detail.tile, detail.turn
-    mask = TILE - 1
-    for n in range(count):
-        m = 9 * n
-        u = flat(turn, m) * x + flat(turn, m + 1) * y + flat(turn, m + 2) * z
-        v = flat(turn, m + 3) * x + flat(turn, m + 4) * y + flat(turn, m + 5) * z
-        w = flat(turn, m + 6) * x + flat(turn, m + 7) * y + flat(turn, m + 8) * z
-        fu, fv, fw = math.floor(u), math.floor(v), math.floor(w)
-        a, b, c = FLOAT(u - fu), FLOAT(v - fv), FLOAT(w - fw)
-        i, j, k = int(fu) & mask, int(fv) & mask, int(fw) & mask
-        i1, j1, k1 = ((i + 1) & mask) * TILE * TILE * PACK, ((j + 1) & mask) * TILE * PACK, ((k + 1) & mask) * PACK
-        i, j, k = i * TILE * TILE * PACK, j * TILE * PACK, k * PACK
-        low = lerp(
-            lerp(read_bytes(tile, i + j + k), read_bytes(tile, i + j + k1), c),
-            lerp(read_bytes(tile, i + j1 + k), read_bytes(tile, i + j1 + k1), c), b,
-        )  # fmt: skip
-        up = lerp(
-            lerp(read_bytes(tile, i1 + j + k), read_bytes(tile, i1 + j + k1), c),
-            lerp(read_bytes(tile, i1 + j1 + k), read_bytes(tile, i1 + j1 + k1), c), b,
-        )  # fmt: skip
-        total += FLOAT(1 / _STEPS) * flat(scratch, n) * read(detail.sun, n * PACK) * lerp(low, up, a)
-    write(scratch, NOISE, total)
+    tile, mask = detail.tile, TILE - 1
+    for n in range(OCTAVES):
+        seen = flat(scratch, n)
+        if seen <= _ZERO:
+            break
+        place = read(scratch, PLACES + 2 * n * PACK) + share * read(scratch, PLACES + (2 * n + 1) * PACK)
+        node = floored(place)
+        part = place - node
+        a, b, c = lane(part, 0), lane(part, 1), lane(part, 2)
+        i, j, k = whole_lane(node, 0) & mask, whole_lane(node, 1) & mask, whole_lane(node, 2) & mask
+        at, above, beyond = ((i * _SIDE + j) * _SIDE + k) * PACK, _SIDE * PACK, _SIDE * _SIDE * PACK
+        near = lerp(read_double_bytes(tile, at), read_double_bytes(tile, at + above), b)
+        far = lerp(read_double_bytes(tile, at + beyond), read_double_bytes(tile, at + beyond + above), b)
+        both = lerp(near, far, a)
+        total += FLOAT(1 / _STEPS) * seen * read(detail.sun, n * PACK) * lerp(low(both), high(both), c)
+    return total

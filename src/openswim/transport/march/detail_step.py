@@ -7,15 +7,16 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from openswim.transport.engine.pack import PACK, flat, largest, put, read, write
+from openswim.transport.engine.pack import PACK, flat, lane, largest, power_of_two, put, read, write
 from openswim.transport.engine.scalar import height_of_square_m, step_emission, transmission
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.cloud_detail import (
+    DENSE,
     FRESH,
     HERE,
-    NOISE,
     lerp,
     noise_at,
+    place_octaves,
     scalar_at,
     seen_octaves,
     sunward,
@@ -94,11 +95,13 @@ def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m
     dx, dy = ix * cell_x - x, iy * cell_y - y
     dz = height_of_square_m(walk[SQUARE] + s * (2.0 * walk[RISE] + s), radius_m) - z
     x, y = x - flat(detail.drift_m, 0), y - flat(detail.drift_m, 1)
-    dense = scalar_at(detail.in_cloud, jx, jy, flat(places, step.before + PLACE_LEVEL))
+    dense = flat(scratch, DENSE)
+    if flat(scratch, FRESH) <= _ZERO:
+        dense = scalar_at(detail.in_cloud, jx, jy, flat(places, step.before + PLACE_LEVEL))
     dense_far = scalar_at(detail.in_cloud, ix, iy, flat(places, step.place + PLACE_LEVEL))
     first_m = flat(detail.wavelength_m, 0)
     finest_m = max(_PART * step.width_m, min(_FINEST * first_m, _COARSEST_M))
-    least_m, lump_m = 2.0 ** math.floor(math.log2(finest_m)), FLOAT(0.25 * first_m)
+    least_m, lump_m = 1.0 * power_of_two(finest_m), FLOAT(0.25 * first_m)
     clear = largest(near.air) + _NOTHING
     radiance, through, ahead = seen.radiance, seen.through, seen.ahead
     last, last_forward, last_source = (
@@ -110,40 +113,45 @@ def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m
     longer = _ONE + _HASTE * (_ONE - left)
     if flat(scratch, FRESH) > _ZERO:
         next_m = _part_ends(at_m, end_m, _part_m(least_m, longer), left)
+    # what is finer than the way between places would alias to stripes
+    place_octaves(detail, _BLUR * finest_m, x, y, z, dx, dy, dz, scratch)
+    edge = seen_octaves(detail, _BLUR * finest_m * longer, scratch)
+    a = _ONE - FLOAT((end_m - next_m) / length_m)
+    noise = noise_at(detail, a, scratch)
     while True:
-        # what is finer than the way between places would alias to stripes
-        count, edge = seen_octaves(detail, _BLUR * finest_m * longer, scratch)
-        a = _ONE - FLOAT((end_m - next_m) / length_m)
-        noise_at(detail, count, x + a * dx, y + a * dy, z + a * dz, scratch)
-        mean, all_cloud = lerp(near.refined, far.refined, a), lerp(near.cloud, far.cloud, a)
-        most = lerp(dense, dense_far, a)
-        more = mean * (thickened(flat(scratch, NOISE), edge, mean / max(most, _NOTHING), detail.quantile) - _ONE)
+        way_m, at_m, share, here_noise, here_edge = FLOAT(next_m - at_m), next_m, a, noise, edge
+        if next_m < end_m:
+            left = largest(through)
+            longer = _ONE + _HASTE * (_ONE - left)  # by what is left before this part: the next need not wait for it
+            next_m = _part_ends(at_m, end_m, _part_m(least_m, longer), left)
+            edge = seen_octaves(detail, _BLUR * finest_m * longer, scratch)
+            a = _ONE - FLOAT((end_m - next_m) / length_m)
+            noise = noise_at(detail, a, scratch)
+        mean, all_cloud = lerp(near.refined, far.refined, share), lerp(near.cloud, far.cloud, share)
+        most = lerp(dense, dense_far, share)
+        more = mean * (thickened(lane(here_noise, 0), here_edge, mean / max(most, _NOTHING), detail.quantile) - _ONE)
         ratio = (all_cloud + more + clear) / (all_cloud + clear)
-        slope = flat(scratch, NOISE + 1) + flat(scratch, NOISE + 2) + flat(scratch, NOISE + 3)
+        slope = lane(here_noise, 1) + lane(here_noise, 2) + lane(here_noise, 3)
         bright = sunward(slope, most * lump_m)
-        sunlight = lerp(near.beam, far.beam, a)
+        sunlight = lerp(near.beam, far.beam, share)
         lit = bright * sunlight
         # where the sun shines most of what is scattered again was sunlight just before
         follows = (bright - _ONE) * _FOLLOWS * sunlight + _ONE
-        here = ratio * lerp(near.extinction, far.extinction, a)
-        forward_here = ratio * lerp(near.forward, far.forward, a)
-        source = ratio * (lerp(near.diffuse, far.diffuse, a) * follows + lerp(near.single, far.single, a) * lit)
-        if next_m > at_m:
-            way_m = FLOAT(next_m - at_m)
+        here = ratio * lerp(near.extinction, far.extinction, share)
+        forward_here = ratio * lerp(near.forward, far.forward, share)
+        source = ratio * (lerp(near.diffuse, far.diffuse, share) * follows + lerp(near.single, far.single, share) * lit)
+        if way_m > _ZERO:
             depth = (last + here) * (_HALF * way_m)
             ahead += (last_forward + forward_here) * (_HALF * way_m)
             trans = transmission(depth)
             radiance += through * step_emission(depth, trans, way_m, last_source, source, last, here)
-            left = largest(through)
             through *= trans
-        if next_m >= end_m:
-            break
         last, last_forward, last_source = here, forward_here, source
-        longer = _ONE + _HASTE * (_ONE - left)  # by what was left before this part: the next need not wait for it
-        at_m = next_m
-        next_m = _part_ends(at_m, end_m, _part_m(least_m, longer), left)
+        if at_m >= end_m:
+            break
     write(scratch, HERE, here)
     write(scratch, HERE + PACK, forward_here)
     write(scratch, HERE + 2 * PACK, source)
     put(scratch, FRESH, _ONE)
+    put(scratch, DENSE, dense_far)
     return Gathered(radiance, through, ahead)
