@@ -95,20 +95,21 @@ def divided_less(monkeypatch: pytest.MonkeyPatch, nodes: int) -> None:
     monkeypatch.setattr("openswim.transport.medium.levels.MOST_RESOLVED_NODES", nodes)
 
 
-@pytest.mark.parametrize("depth", [100.0, 1000.0])
-def test_thick_decks_keep_their_light(depth: float, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("depth", "seed"), [(100.0, 0), (1000.0, 0), (1000.0, 1), (3000.0, 1)])
+def test_thick_decks_keep_their_light(depth: float, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """White, nearly even, without sides, over black ground: what enters leaves, after some hundred to thousand
-    scatterings; and as much comes through as two streams say (Eddington, 2 (1 + 3/2 mu)/(4 + 3 depth (1 - g)) where it
-    is thick; Meador and Weaver 1980), within 3.5 %. (Of depth 1000, in cells of depth 28, twice as much: .014.)"""
+    scatterings (3 % less where the first sweep between finer nodes is also the last); and as much comes through as two
+    streams say (Eddington, 2 (1 + 3/2 mu)/(4 + 3 depth (1 - g)) where it is thick; Meador and Weaver 1980), within
+    3.5 %. (Of depth 1000, in cells of depth 28, twice as much: .014.)"""
     divided_less(monkeypatch, 250_000)
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     shape = (9, 8, 8)
     extinction = np.zeros(shape)
     extinction[2:7] = depth / 400.0
     scene = grid_scene(extinction * rng.normal(1.0, 0.02, shape), shape, periodic=True)
     sun = toward(250.0, 40.0)
     fluxes = {name: float(flux[0]) / sun[2] for name, flux in Solver().solve(scene, sun, [546.0]).fluxes().items()}
-    assert fluxes["up_top"] + fluxes["down_bottom"] + fluxes["direct_bottom"] == pytest.approx(1.0, abs=0.0013)
+    assert fluxes["up_top"] + fluxes["down_bottom"] + fluxes["direct_bottom"] == pytest.approx(1.0, abs=0.0012)
     if depth == 100.0:  # linear between nodes: half a layer more above and below
         through = (2 + 3 * sun[2]) / (4 + 3 * 1.25 * depth * 0.15)
         assert fluxes["down_bottom"] == pytest.approx(through, rel=0.045)

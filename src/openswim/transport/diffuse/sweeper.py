@@ -276,7 +276,8 @@ class Sweeper:
         tells what follows, and with it what lasts; where changes grow, all begins anew from darkness without diffusion,
         and where they grow then, too, as between undivided cells of depths of hundreds, without what steps amend.
         Levels count by their change relative to their light, since little light under a thick cloud is seen too. The
-        last change is within the tolerance, or, with corrections, what follows it by the rate of the last two.
+        last change is within the tolerance, or, with corrections, what follows it by the rate of the last two; in
+        periods that of what leaves, too, for of thick decks a hundredth of it hides in a fifth of that change.
         Returns the moments, those before the last sweep, and how many sweeps there were; ``values`` is written over.
         """
         course = self.decide.within("course")
@@ -289,6 +290,7 @@ class Sweeper:
         threads = get_num_threads()
         change = np.zeros(threads)
         before, least, began, lasting = 0.0, np.inf, np.inf, True
+        leaves = np.inf
         spare = None
         for n in range(1, most + 1):
             image = self.sweep(values, recent.spare() if spare is None else spare)
@@ -303,7 +305,11 @@ class Sweeper:
             changed = float(np.sqrt(change.sum() / max(size.sum(), 1e-30)))
             # without corrections a sweep may change little of what it has to
             follows = changed * changed / (before - changed) if correct is not None and before > changed else np.inf
-            enough = n == most or min(changed, _SLOW * follows) <= tolerance
+            settled = min(changed, _SLOW * follows) <= tolerance
+            if self.grid.periodic:
+                left, leaves = leaves, float(self.fluxes().sum())
+                settled &= abs(leaves - left) <= tolerance * leaves
+            enough = n == most or settled
             if decide("done", enough):
                 break
             moved = float(np.sqrt(change.sum()))  # of light itself, not its share: that does not grow where both do
