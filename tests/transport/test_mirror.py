@@ -63,7 +63,7 @@ def sky(field, place, direction):
 
 def mirrored(field, eye, place, direction, slope_variance):
     lit = field.lit[0]
-    look = looking_from(lit, None, [lit.shells])
+    look = looking_from(lit, None, [lit.shells], eye)
     found = Mirrored.of(look, None, lit.frame.radius_m, eye, WetRays(place, direction, slope_variance))
     return found.along(direction)[:, :3]
 
@@ -76,9 +76,7 @@ def mirrored_by(look, eye, place, direction, slope_variance):
 def test_calm_water_is_a_mirror(lake) -> None:
     """Away from the cloud the sky is smooth, and slopes of 2 degrees change nothing."""
     eye, place, direction = glance(np.array([150.0, 180.0, 210.0, 240.0]), np.array([20.0, 30.0, 40.0, 25.0]))
-    np.testing.assert_allclose(
-        mirrored(lake, eye, place, direction, 0.0), sky(lake, place, direction), rtol=0.0014
-    )
+    np.testing.assert_allclose(mirrored(lake, eye, place, direction, 0.0), sky(lake, place, direction), rtol=0.0014)
 
 
 def test_what_is_mirrored_is_where_it_stands(lake) -> None:
@@ -210,6 +208,21 @@ def test_a_pixel_with_a_little_water_is_in_the_picture_of_it(monkeypatch: pytest
     lit = openswim.light(demo_scene(64, 64, 24), Solver(quality="preview"))
     lit.viewpoint(Camera.allsky(47.7, 11.2, size=256)).view(irradiance=False)
     assert len(aims) == 2  # the eye's and its image's
+
+
+def test_who_stands_at_a_shore_has_one_grid(lake, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clouds are so far off that the eye's image in the water sees them by the same sources as the eye: within .7 %."""
+    aims = []
+    at = AimedGrid.at
+    monkeypatch.setattr(AimedGrid, "at", lambda *given: aims.append(1) or at(*given))
+    azimuth, down = np.meshgrid(np.linspace(0.0, 350.0, 36), np.linspace(2.0, 60.0, 30))
+    eye, _, direction = glance(azimuth.ravel(), down.ravel(), 20.0)
+    rays = Rays(eye, direction)
+    seen = lake.view(rays).radiance
+    assert len(aims) == 1
+    monkeypatch.setattr("openswim.transport.view.viewer._SAME_IMAGE", -1.0)
+    np.testing.assert_allclose(seen, lake.view(rays).radiance, rtol=0.007)
+    assert len(aims) == 3
 
 
 @pytest.mark.parametrize("beyond_deg", [0.0, 6.4])

@@ -99,6 +99,12 @@ class Medium:
         filled = np.flatnonzero(self.extinction.any(axis=(0, 2, 3)))
         return float(self.levels_m[min(filled[-1] + 1, len(self.levels_m) - 1) if filled.size else 0])
 
+    @cached_property
+    def cloud_base_m(self) -> float:
+        """Height of the level below all that is on levels; infinite where there is nothing."""
+        filled = np.flatnonzero(self.extinction.any(axis=(0, 2, 3)))
+        return float(self.levels_m[max(filled[0] - 1, 0)]) if filled.size else np.inf
+
     @property
     def divided(self) -> bool:
         """Whether columns are halved, since they would be too thick."""

@@ -6,8 +6,9 @@ the same bit for bit whatever others it is asked for with.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ F64 = NDArray[np.float64]
 _TILE_RAYS = 1_200_000
 _AUREOLE_DEG = 10.0  # as far as one facet of a wave is from the next, or a little farther
 _SAME_EYE_M, _SAME_WAY = 1e-3, 1e-6
+_SAME_IMAGE = 0.05  # of the way up to the lowest cloud, which is seen 3 degrees elsewhere: waves smear over more
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +88,11 @@ class AimedGrid:
         wider = None if self.wider is None else self.wider.mirroring(mirrored)
         return replace(self, mirrored=mirrored, wider=wider)
 
-    def with_blunt_peaks(self) -> AimedGrid:
-        """The same without the narrow aureole that the delta-scaled beam has kept."""
+    def as_mirrored(self) -> AimedGrid:
+        """The same without the narrow aureole that the delta-scaled beam has kept, and without detail."""
         table = self.lit.once("blunt table", lambda: blunted(self.lit.table, _AUREOLE_DEG))
-        wider = None if self.wider is None else self.wider.with_blunt_peaks()
-        return replace(self, table=table, wider=wider)
+        wider = None if self.wider is None else self.wider.as_mirrored()
+        return replace(self, table=table, detail=NO_DETAIL, mirrored=None, wider=wider)
 
     def march(self, origin: F64, direction: F64, ends: F64 | None, cone: F64 | None = None) -> Seen:
         """What rays (n, 3) see, but for the ground's own light; ``ends``, ``cone`` as `march_rays` has them."""
@@ -179,6 +181,10 @@ class AimedGrid:
         return np.asarray(np.exp(-met.species_depth[:, : self.volume.species].astype(float) @ self.volume.scaled))
 
 
+# What makes a grid aimed at an eye, once
+Own = Callable[[], AimedGrid]
+
+
 @dataclass(frozen=True, eq=False)
 class Viewer:
     """An eye, or a direction from which parallel rays come, in solved light at up to PACK wavelengths."""
@@ -197,9 +203,9 @@ class Viewer:
         """
         eye, parallel = _eye_of(rays)
         skies = skies_for(lit, rays) if skies is None else skies
-        mirrored = _mirrored(lit, relief, skies, rays, None if parallel else eye)
-        grid = AimedGrid.at(lit, eye, parallel, relief, skies)
-        return cls(grid.seen_by(rays).mirroring(mirrored), eye, parallel)
+        own = cache(lambda: AimedGrid.at(lit, eye, parallel, relief, skies))
+        mirrored = _alone(lit, relief, skies, rays) if parallel else _mirrored(lit, relief, skies, rays, eye, own)
+        return cls(own().seen_by(rays).mirroring(mirrored), eye, parallel)
 
     @property
     def lit(self) -> LitGrid:
@@ -211,8 +217,10 @@ class Viewer:
         if not self._is_of(rays) or _layered(lit):
             return Viewer.of(lit, rays, relief)
         skies = skies_for(lit, rays)
-        mirrored = None if self.parallel or not _mirrors(lit, self.eye) else _water(lit, relief, skies, self.eye, None)
-        return replace(self, grid=_with_land(self.grid, relief, skies).seen_by(rays).mirroring(mirrored))
+        grid, mirrored = _with_land(self.grid, relief, skies), None
+        if not self.parallel and _mirrors(lit, self.eye):
+            mirrored = _water(lit, relief, skies, self.eye, None, lambda: grid)
+        return replace(self, grid=grid.seen_by(rays).mirroring(mirrored))
 
     def _is_of(self, rays: Rays) -> bool:
         """Whether rays come from this eye; a single one, that tells no eye of its own, too."""
@@ -276,20 +284,22 @@ def _with_land(grid: AimedGrid, relief: Relief | None, skies: list[Shells]) -> A
     return replace(grid, relief=relief, sky=skies[0], wider=wider)
 
 
-def _mirrored(
-    lit: LitGrid, relief: Relief | None, skies: list[Shells], rays: Rays, eye: F64 | None
-) -> Water | None:
-    """What water mirrors to rays from an eye, or to a single one, with the picture of it where any end on some."""
-    if eye is None:
-        alone = len(rays) == 1 and _mirrors(lit, rays.origins()[0])
-        return _water(lit, relief, skies, rays.origins()[0], None) if alone else None
+def _mirrored(lit: LitGrid, relief: Relief | None, skies: list[Shells], rays: Rays, eye: F64, own: Own) -> Water | None:
+    """What water mirrors to rays from an eye, with the picture of it where any end on some."""
     if not _mirrors(lit, eye):
         return None
     wet = wet_rays(lit, relief, eye, rays)
     if wet is None:
-        return _water(lit, relief, skies, eye, None)
-    picture = Mirrored.of(looking_from(lit, relief, skies), relief, lit.frame.radius_m, eye, wet)
-    return _water(lit, relief, skies, eye, picture)
+        return _water(lit, relief, skies, eye, None, own)
+    look = looking_from(lit, relief, skies, eye, own)
+    picture = Mirrored.of(look, relief, lit.frame.radius_m, eye, wet)
+    return _water(lit, relief, skies, eye, picture, own)
+
+
+def _alone(lit: LitGrid, relief: Relief | None, skies: list[Shells], rays: Rays) -> Water | None:
+    """What water mirrors to a single ray."""
+    eye = rays.origins()[0]
+    return _water(lit, relief, skies, eye, None) if len(rays) == 1 and _mirrors(lit, eye) else None
 
 
 def _mirrors(lit: LitGrid, eye: F64) -> bool:
@@ -298,18 +308,25 @@ def _mirrors(lit: LitGrid, eye: F64) -> bool:
 
 
 def _water(
-    lit: LitGrid, relief: Relief | None, skies: list[Shells], eye: F64, picture: Mirrored | None
+    lit: LitGrid, relief: Relief | None, skies: list[Shells], eye: F64, picture: Mirrored | None, own: Own | None = None
 ) -> Water:
-    return Water(looking_from(lit, relief, skies, Once()), lit.frame.radius_m, eye, picture)
+    return Water(looking_from(lit, relief, skies, eye, own, Once()), lit.frame.radius_m, eye, picture)
 
 
-def looking_from(lit: LitGrid, relief: Relief | None, skies: list[Shells], once: Once | None = None) -> Look:
+def looking_from(
+    lit: LitGrid, relief: Relief | None, skies: list[Shells], eye: F64, own: Own | None = None, once: Once | None = None
+) -> Look:
     """How the image of an eye under water sees what is mirrored to it. Peaks are cut: they are in the beam, which
-    glitters by itself. ``once``: where what is made for the last image is kept."""
+    glitters by itself. ``own``: the grid aimed at the eye, which serves an image near by, as of who stands at a shore;
+    ``once``: where what is made for the last image is kept."""
+    base_m = min((level.medium.cloud_base_m for level in lit.levels if level.medium is not None), default=np.inf)
+    near_m = _SAME_IMAGE * (base_m - lit.frame.latlon(eye)[2])
 
     def look(origin: F64, direction: F64, image: F64) -> tuple[F32, F64]:
         def aim() -> AimedGrid:
-            return AimedGrid.at(lit, image, False, relief, skies).with_blunt_peaks()
+            near = own is not None and np.linalg.norm(image - eye) <= near_m
+            grid = own() if own is not None and near else AimedGrid.at(lit, image, False, relief, skies)
+            return grid.as_mirrored()
 
         seen = (aim() if once is None else once.last("image", image.tobytes(), aim)).seen(origin, direction)
         return seen.radiance, seen.distance
