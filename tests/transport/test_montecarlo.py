@@ -140,6 +140,20 @@ def test_wavelengths_that_share_paths_do_not_mix() -> None:
         assert (difference < 4 * np.hypot(both.sigma[:, w], alone.sigma[:, 0])).all()
 
 
+def test_wavelengths_unlike_each_other_share_paths_at_dusk() -> None:
+    """Ground under a lit sky, the sun 3 degrees down: air is 35 times as thick at 360 as at 870 nm."""
+    scene, wavelengths = Scene.clear(LAT, LON, Atmosphere.us_standard(aerosol=None), surface_albedo=0.9), (360.0, 870.0)
+    frame = scene_frame(scene)
+    sun, down = (frame.direction(200.0, altitude, LAT, LON) for altitude in (-3.0, -60.0))
+    rays = Rays(frame.position(LAT, LON, 11_000.0), np.tile(down, (8, 1)))
+
+    def mean(together: tuple[float, ...]) -> np.ndarray:
+        return solve(scene, sun, together, paths=12_000).view(rays).radiance.mean(axis=0)
+
+    alone = np.concatenate([mean((wavelength,)) for wavelength in wavelengths])
+    np.testing.assert_allclose(mean(wavelengths), alone, rtol=0.25)  # errors are 6 %
+
+
 def _two_colours() -> Scene:
     across = np.arange(3) * 1000.0
     return Scene.from_arrays(

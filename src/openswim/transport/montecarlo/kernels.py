@@ -129,12 +129,13 @@ def scout(ox, oy, oz, dx, dy, dz, margin, world, depth, species_depth, beam, nod
             if world.airy:
                 i, f = air_place(high, world)
                 air_beam(x, y, z, high, world, beam)
-                light = 0.0
+                light, scattering = 0.0, 0.0
                 for w in range(nw):
-                    scattering = world.air[i, 1, w] + world.air[i, 2, w]
+                    scattering += world.air[i, 1, w] + world.air[i, 2, w]
                     light += beam[w] * math.exp(-depth[w])
-                    seen += scattering * beam[w] * math.exp(-depth[w]) * 0.5 * step / nw
                     depth[w] += 0.5 * step * (world.air[i, 0, w] + f * (world.air[i + 1, 0, w] - world.air[i, 0, w]))
+                # what is drawn is drawn from the mean over the wavelengths, whichever of them has light there
+                seen += scattering / nw * light / nw * 0.5 * step
                 wanted[layer] = max(wanted[layer], light / nw)
         s += step
         if ended:
