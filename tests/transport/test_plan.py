@@ -6,10 +6,13 @@ from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, box, grid_scene
 
 from openswim.cameras import Camera
 from openswim.errors import UserError
+from openswim.ground.surface import surface_of
+from openswim.optics.matter import matter_of
 from openswim.scene import Scene
 from openswim.solver import Solver
 from openswim.transport import Field
 from openswim.transport.engine.decisions import Decisions
+from openswim.transport.medium.plan import Fineness, plan_medium
 
 SHAPE, CELL_M = (14, 28, 28), 60.0
 SUN = np.array([0.6, 0.2, 0.775])
@@ -112,3 +115,16 @@ def test_light_is_smooth_by_a_plan(first: Field) -> None:
     ends = [seen(solved(cumuli(1 + x)))[1] for x in change[[0, -1]]]
     steps = [np.abs(free - planned[1]).max() for free, planned in zip(ends, (views[0], views[-1]), strict=True)]
     assert max(steps) > 1e-3 * views[4][1].mean()
+
+
+@pytest.mark.parametrize(("cell_m", "parts"), [(20_000.0, 8), (800.0, 16)])
+def test_columns_lit_each_by_itself_need_fewer_levels(cell_m: float, parts: int) -> None:
+    """A deck of an optical depth of 200 in each of its layers."""
+    field = np.zeros((6, 12, 12), np.float32)
+    field[2:5] = 0.1
+    scene = grid_scene(field, field.shape, (cell_m, cell_m, 2000.0), curved=True)
+    terrain = surface_of(scene, WAVELENGTH_NM).terrain_m
+    plan = plan_medium(matter_of(scene, WAVELENGTH_NM), terrain, 0.7, Fineness(divide=False))
+    assert plan.stands_alone == (cell_m > 1200.0)
+    layers = np.diff(plan.own_levels_m)
+    assert layers.min() == pytest.approx(2000.0 / parts)

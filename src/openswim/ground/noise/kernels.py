@@ -26,7 +26,7 @@ def _value(tile, x, y, z):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cell(x):
     """The nodes on both sides of a place in a row of the tile's, and how far it is from the first to the second."""
-    x -= NODES * math.floor(x / NODES)
+    x -= NODES * math.floor(x * (1.0 / NODES))
     i = min(int(x), NODES - 1)
     return i, i + 1 if i < NODES - 1 else 0, x - i
 
@@ -69,6 +69,7 @@ def add_octaves(
         for octave in range(math.floor(top[n]) - octaves, math.ceil(top[n]) + 1):
             within = min(max(top[n] + 1.0 - octave, 0.0), 1.0) * min(max(octave - top[n] + octaves, 0.0), 1.0)
             scale = scales[octave - least]
+            per_m = 1.0 / scale
             variance = within * within * variances[octave - least]
             total += variance
             seen = min(max(2.0 - 2.0 * shortest[n] / scale, 0.0), 1.0)
@@ -77,7 +78,7 @@ def add_octaves(
             weight = math.sqrt(variance) * seen
             x, y, z = _in_axes(axes[octave - least], place[n])
             dx, dy, dz = _in_axes(axes[octave - least], along[n % along.shape[0]])
-            found += weight * _pattern(kind, tile, x / scale, y / scale, z / scale, dx, dy, dz, steep)
+            found += weight * _pattern(kind, tile, x * per_m, y * per_m, z * per_m, dx, dy, dz, steep)
             seen_variance += weight * weight
         total = max(total, 1e-30)
         value[n], unseen[n] = found / math.sqrt(total), 1.0 - seen_variance / total

@@ -6,6 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.air.dimmed import Dimmed
@@ -70,27 +71,40 @@ def without_fields(volume: Volume) -> Volume:
 
 def with_fields(volume: Volume, medium: Medium, channels: Channels) -> Volume:
     """The volume with its nodes' channels filled in, without sources but those that are alike to all eyes."""
-    ns, nz = volume.species, medium.shape[0]
-    fields = blank_fields(medium.shape, volume.cloud_channel + 1)
+    nz = medium.shape[0]
+    fields, matter = blank_fields(medium.shape, volume.cloud_channel + 1), _for_kernels(medium)
 
     def fill(t: int, threads: int) -> None:
         for k in range(t, nz, threads):  # a level at a time stays in a cache
             fields[k, ..., :PACK] = channels.beam[k]
             if channels.source is not None:
                 fields[k, ..., PACK : 2 * PACK] = channels.source[k]
-            _fill_level(fields[k], medium, k, ns, volume.cloud_channel, channels.forward_depth[:, k])
+            forward = np.ascontiguousarray(channels.forward_depth[:, k])
+            _fill_level(k, matter, forward, volume.cloud_channel, fields)
 
     in_threads(fill)
     return volume._replace(fields=fields)
 
 
-def _fill_level(out: F32, medium: Medium, k: int, ns: int, cloud_channel: int, forward_depth: F32) -> None:
-    """Species, forward depths and their sum of level ``k`` into ``out`` (ny, nx, channels)."""
-    for s in range(ns):
-        out[..., 2 * PACK + s] = medium.extinction[s, k]
-    out[..., cloud_channel] = medium.extinction[:, k].sum(axis=0)
-    for n, depth in enumerate(forward_depth):
-        out[..., 2 * PACK + ns + n] = depth
+def _for_kernels(medium: Medium) -> F32:
+    """The species' extinction as kernels are compiled for it."""
+    return np.require(medium.extinction, FLOAT, ["C", "W"])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _fill_level(k, extinction, forward_depth, cloud_channel, fields):
+    """Species (ns, nz, ny, nx), forward depths (n, ny, nx) and the species' sum of level k into its nodes' channels:
+    node after node, since whoever goes channel by channel goes through all of the memory for each."""
+    ns, _, ny, nx = extinction.shape
+    for j in range(ny):
+        for i in range(nx):
+            total = FLOAT(0.0)
+            for s in range(ns):
+                fields[k, j, i, 2 * PACK + s] = extinction[s, k, j, i]
+                total += extinction[s, k, j, i]
+            for n in range(forward_depth.shape[0]):
+                fields[k, j, i, 2 * PACK + ns + n] = forward_depth[n, j, i]
+            fields[k, j, i, cloud_channel] = total
 
 
 class SunDepth(NamedTuple):
@@ -180,10 +194,11 @@ def sunlit_volume(
     depth = depths_to_sun(medium, weights, exact.view(bool).reshape(nz, ny, nx), local_sun)
     depths = SunDepth(depth, factors_of(extinction, mixed), mixed, told)
     del exact
+    matter = _for_kernels(medium)
 
     def fill(t: int, threads: int) -> None:
         for k in range(t, nz, threads):  # a level at a time stays in a cache
-            _fill_level(fields[k], medium, k, ns, cloud_channel, depths.forward(k))
+            _fill_level(k, matter, np.ascontiguousarray(depths.forward(k)), cloud_channel, fields)
 
     in_threads(fill)
     air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)

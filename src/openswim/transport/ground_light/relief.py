@@ -96,8 +96,10 @@ class Relief:
         def seen(some: NDArray[np.int64], height: float) -> NDArray[np.bool_]:
             return self.meet(start[some], sun + height * SUN_RADIUS_RAD * across[some]) == FAR_M
 
-        every = np.arange(len(place))
-        low, high = seen(every, -_DISC[1]), seen(every, _DISC[1])
+        low = seen(np.arange(len(place)), -_DISC[1])
+        hidden = np.flatnonzero(~low)  # what lies over a ray that meets no ground meets none either
+        high = np.ones(len(place), bool)
+        high[hidden] = seen(hidden, _DISC[1])
         lit = 0.5 * (low + 1.0 * high)
         partly = np.flatnonzero(low != high)  # else what lies between is as its ends
         lit[partly] = 0.25 * (1.0 + seen(partly, -_DISC[0]) + seen(partly, _DISC[0]))

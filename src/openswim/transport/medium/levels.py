@@ -14,6 +14,7 @@ _MOST_LEVELS, _MOST_LAYER_LEVELS = 160, 640
 LAYERS_DEGREE = 32  # truncation order M of the light in layers without sides (`columns.discrete_ordinates`)
 _CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
 _CELL_DEPTH = 0.7  # optical depth above which a cell is divided
+_MOST_PARTS, _MOST_LONE_PARTS = 16, 8  # and into how many; in columns lit each by itself, which divide cells further
 _FLATTEST = 0.05  # of a cell's depth across, that from below: flatter ones tell no more (decision 27, by Monte Carlo)
 _SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
 _AIR_TOP_M = 18_000.0  # of levels above a scene's own
@@ -50,12 +51,14 @@ def own_levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
 
 
 def refined_levels(
-    levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, share: float, sides: bool = False
-) -> F64:
+    levels: F64, heights: NDArray, total: F32 | None, cell_m: float, columns: int, share: float, sides: bool = False,
+    alone: bool = False,
+) -> F64:  # fmt: skip
     """Divide layers that are taller than a cell is wide, or optically too thick (docs/fast.md, F2).
 
     ``share`` of the usual depth that a layer may have where cloud covers most columns: broken cloud is lit
-    from its sides. sides: columns share their light, and where cells stay thick across flat ones tell no more.
+    from its sides. sides: columns share their light, and where cells stay thick across flat ones tell no more. alone:
+    columns are lit each by itself.
     """
     if total is None:
         return levels
@@ -71,7 +74,8 @@ def refined_levels(
     scaled = _SCALED / (1 + (share - 1) * covered)
     depth = scaled * np.interp(middle, own, cloudy, left=beyond, right=beyond) * dz
     across = scaled * np.interp(middle, own, uneven, left=beyond, right=beyond) * cell_m
-    parts = np.maximum(parts, np.clip(np.ceil(depth / np.maximum(_CELL_DEPTH, _FLATTEST * across)), 1, 16))
+    most = _MOST_LONE_PARTS if alone else _MOST_PARTS
+    parts = np.maximum(parts, np.clip(np.ceil(depth / np.maximum(_CELL_DEPTH, _FLATTEST * across)), 1, most))
     # where spacing changes within cloud, sweeps make light or lose it: the layers beside are divided as finely
     in_cloud = depth > _CLOUDY_DEPTH
     beside = np.pad(np.where(in_cloud, dz / parts, np.inf), 1, constant_values=np.inf)

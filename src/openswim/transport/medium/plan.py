@@ -39,7 +39,7 @@ _BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where their cover 
 _MOST_FINER_NODES = 3_000_000
 _MOST_HALVED_NODES = 10_000_000
 _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
-_MOST_WIDE_NODES = 18_000_000  # of such clouds in wide cells, each column lit by itself
+_MOST_WIDE_NODES = 11_500_000  # of such clouds in wide cells, each column lit by itself: up to 14 CPU s
 WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
@@ -160,9 +160,17 @@ def plan_medium(matter: Matter, terrain_m: F32, mu_sun: float, asked: Fineness) 
             share = 0.35 * max(mu_sun, 0.12)  # of one column, levels cost little
         elif not grid.curved:
             share = float(np.clip(2 * mu_sun, 0.2, 1.0))  # a low sun's beam fades within less height
-        levels = refined_levels(
-            levels, heights, total, min(dx, dy) / 2**divisions, ny * nx * 4**divisions, share, sides
-        )
+
+        def levels_of(alone: bool) -> F64:
+            return refined_levels(
+                levels, heights, total, min(dx, dy) / 2**divisions, ny * nx * 4**divisions, share, sides, alone
+            )
+
+        fewer = levels_of(True)
+        divided = grid.curved and not grid.periodic and not divisions
+        parts = fineness_of((len(fewer), ny, nx), cell_m, cover is not None, True) if divided else 1
+        alone = divided and cell_m / parts >= WIDE_CELL_M and parts * nx >= LANES
+        levels = fewer if alone else levels_of(False)
     fineness = 1
     if grid.curved and (asked.refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, asked.refine)
