@@ -30,12 +30,13 @@ def overcast(single_scattering_albedo: float) -> Scene:
 @pytest.mark.parametrize(("albedo", "limit"), [(1.0, 0.06), (0.9, 0.08)])
 def test_it_shines_with_the_light_of_clouds(albedo: float, limit: float) -> None:
     scene = overcast(albedo)
-    seen = []
-    for solver in (Solver(), Solver("reference", paths=6000, seed=3)):
-        field = solver.solve(scene, SUN, [615.0, 450.0])
-        seen.append(np.concatenate([field.view(Rays(p, w)).radiance for p, w in zip(PLACES, WAYS, strict=True)]))
-    fast, reference = seen
-    np.testing.assert_allclose(fast, reference, rtol=limit)
+    fields = [
+        solver.solve(scene, SUN, [615.0, 450.0]) for solver in (Solver(), Solver("reference", paths=24_000, seed=3))
+    ]
+    for place, way in zip(PLACES, WAYS, strict=True):
+        fast, reference = (field.view(Rays(place, way)) for field in fields)
+        difference = np.abs(fast.radiance - reference.radiance)
+        assert (difference < limit * reference.radiance + 3 * reference.sigma).all()  # errors are 1 %
 
 
 def test_tall_levels_hold_as_much_air_as_there_is() -> None:
