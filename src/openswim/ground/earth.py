@@ -29,8 +29,10 @@ PIXEL_M = 7400.0  # of the image, at the equator
 MASK_M = 4600.0  # cells of the mask of water there
 _LEAST_LAND = 0.02  # share of a place's surroundings whose colour is to be trusted
 _LEVELS = 6  # halvings of the image, to 240 km
+_STRIP = 2**_LEVELS  # rows of it that are averaged together, when first asked for
 _IMAGE_SHAPE = (2700, 5400)
 _MASK_SHAPE = (4320, 8640)
+_UNKNOWN = 255  # code of the map of heights
 
 # Blue Marble is stretched for looks: vegetation comes out dark, deserts and ice about right. Offset and gain
 # of the decoded (linear) red, green, blue that meet MODIS visible albedos of rain forest (.03, .05, .02), the
@@ -115,25 +117,37 @@ def _mask_of_pixels() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def _at_means(lat: FloatArray, lon: FloatArray, level: int) -> tuple[FloatArray, FloatArray]:
     """As `_at_pixels`, of the image averaged over 2^level pixels."""
-    means = _means(level)
-    rows, columns, weights = _around(lat, lon, means.shape[:2])
-    value = (means[rows, columns] * weights[..., None]).sum(axis=0)
+    rows, columns, weights = _around(lat, lon, _mean_shape(level))
+    high = _STRIP >> level
+    strip, row = np.divmod(rows, high)
+    found = np.empty((*rows.shape, 4), np.float32)
+    for n in np.flatnonzero(np.bincount(strip.ravel())):
+        some = strip == n
+        found[some] = _means(int(n))[level - 1][row[some], columns[some]]
+    value = (found * weights[..., None]).sum(axis=0)
     return value[:, 3], value[:, :3] / np.maximum(value[:, 3:], 1e-6)
 
 
+def _mean_shape(level: int) -> tuple[int, int]:
+    """Of the image averaged over 2^level pixels each way."""
+    rows, columns = (-(-n >> level) for n in _IMAGE_SHAPE)
+    return rows, columns
+
+
 @cache
-def _means(level: int) -> NDArray[np.float32]:
-    """Linear red, green, blue times land, and land (rows, columns, 4), averaged over 2^level pixels each way."""
-    if level > 1:
-        finer = _means(level - 1)
+def _means(strip: int) -> list[NDArray[np.float32]]:
+    """Linear red, green, blue times land, and land (rows, columns, 4), of `_STRIP` rows of the image, averaged over 2, 4
+    ... pixels each way."""
+    mask_row, mask_column = _mask_of_pixels()
+    rows = slice(strip * _STRIP, (strip + 1) * _STRIP)
+    land = (_mask()[mask_row[rows, None], mask_column] == 1).astype(np.float32)
+    finer = np.concatenate([_linear_table().astype(np.float32)[_image()[rows]] * land[..., None], land[..., None]], -1)
+    means = []
+    for _ in range(_LEVELS):
         finer = np.pad(finer, ((0, finer.shape[0] % 2), (0, finer.shape[1] % 2), (0, 0)), mode="edge")
-    else:
-        rows, columns = np.arange(_IMAGE_SHAPE[0]), np.arange(_IMAGE_SHAPE[1])
-        lat, lon = 90.0 - (rows + 0.5) * 180.0 / _IMAGE_SHAPE[0], (columns + 0.5) * 360.0 / _IMAGE_SHAPE[1] - 180.0
-        land = 1.0 - water_at_nearest(lat[:, None], lon[None, :]).astype(np.float32)
-        finer = np.concatenate([_linear_table().astype(np.float32)[_image()], land[..., None]], axis=-1)
-        finer[..., :3] *= land[..., None]
-    return np.asarray(0.25 * (finer[::2, ::2] + finer[1::2, ::2] + finer[::2, 1::2] + finer[1::2, 1::2]), np.float32)
+        finer = 0.25 * (finer[::2, ::2] + finer[1::2, ::2] + finer[::2, 1::2] + finer[1::2, 1::2])
+        means.append(finer)
+    return means
 
 
 def water_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
@@ -227,24 +241,24 @@ def has_relief() -> bool:
 
 def relief_m(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
     """Height of land above sea level (n,) [m], 0 at sea, from a 5-minute map in steps of 28 m (Mapzen, in pvlib)."""
-    map_ = _relief()
-    rows, columns, weights = _around(lat, lon, (map_.shape[0], map_.shape[1]))
-    return np.asarray((map_[rows, columns] * weights).sum(axis=0), float)
+    code = _relief()
+    rows, columns, weights = _around(lat, lon, (code.shape[0], code.shape[1]))
+    known = code[rows, columns]
+    north, east = 90.0 - (rows + 0.5) * 180.0 / code.shape[0], (columns + 0.5) * 360.0 / code.shape[1] - 180.0
+    land = (known != _UNKNOWN) & ~sea_at_nearest(north, east)
+    return (np.where(land, np.maximum(28.0 * known - 450.0, 0.0), 0.0) * weights).sum(axis=0)
 
 
 @cache
-def _relief() -> NDArray[np.float32]:
-    """Heights [m], north up from 180 W; 0 at sea and where nothing is known."""
+def _relief() -> NDArray[np.uint8]:
+    """Code of heights, north up from 180 W."""
     import netCDF4
 
     path = _relief_path()
     assert path is not None
     with netCDF4.Dataset(path) as file:
-        code = np.asarray(file["Altitude"][:])
-    rows, columns = (np.arange(n) + 0.5 for n in code.shape)
-    lat, lon = 90.0 - rows * 180.0 / code.shape[0], columns * 360.0 / code.shape[1] - 180.0
-    land = (code != 255) & ~sea_at_nearest(lat[:, None], lon[None, :])
-    return np.where(land, np.maximum(28.0 * code - 450.0, 0.0), 0.0).astype(np.float32)
+        file.set_auto_mask(False)
+        return np.asarray(file["Altitude"][:])
 
 
 @cache
