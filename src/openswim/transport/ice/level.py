@@ -12,7 +12,6 @@ import math
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from openswim.optics.displays.crystals import LENGTH_OVER_WIDTH, phase_function, refractive_index
 from openswim.scene.phase import Mixture
@@ -97,6 +96,8 @@ def phase_map(
 def _less_chance(shares: F64, chance: F64) -> F64:
     """Values moved toward the means of those around them, by how much of the variance there is chance (the local
     linear filter of least error; Lee 1980)."""
+    from scipy.ndimage import uniform_filter
+
     around = uniform_filter(shares, _FEW_BINS, mode="reflect")
     variance = uniform_filter((shares - around) ** 2, _FEW_BINS, mode="reflect")
     by_chance = np.maximum(uniform_filter(chance, _FEW_BINS, mode="reflect"), 1e-30)  # running sums have rounding
