@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -99,3 +100,14 @@ def test_a_file_that_nobody_knows_is_closed(tmp_path: Path) -> None:
         with pytest.raises(UserError, match="no reader"):
             open_scene(paths)
         assert not _still_open(path)
+
+
+def test_opening_netcdf_imports_no_engine_of_others(tmp_path: Path) -> None:
+    """Zarr and what registers itself with xarray take a third of a second."""
+    demo_scene(16, 16, 16).to_netcdf(tmp_path / "scene.nc")
+    code = (
+        "import sys, openswim; openswim.open_scene(sys.argv[1]);"
+        "sys.exit(', '.join(sorted({'zarr', 'kerchunk', 'scipy.ndimage'} & set(sys.modules))) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "scene.nc")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

@@ -117,14 +117,17 @@ def test_light_is_smooth_by_a_plan(first: Field) -> None:
     assert max(steps) > 1e-3 * views[4][1].mean()
 
 
-@pytest.mark.parametrize(("cell_m", "parts"), [(20_000.0, 8), (800.0, 16)])
-def test_columns_lit_each_by_itself_need_fewer_levels(cell_m: float, parts: int) -> None:
+@pytest.mark.parametrize(
+    ("cell_m", "columns", "curved", "parts"),
+    [(20_000.0, 12, True, 8), (20_000.0, 32, False, 8), (20_000.0, 12, False, 16), (800.0, 12, True, 16)],
+)
+def test_columns_lit_each_by_itself_need_fewer_levels(cell_m: float, columns: int, curved: bool, parts: int) -> None:
     """A deck of an optical depth of 200 in each of its layers."""
-    field = np.zeros((6, 12, 12), np.float32)
+    field = np.zeros((6, columns, columns), np.float32)
     field[2:5] = 0.1
-    scene = grid_scene(field, field.shape, (cell_m, cell_m, 2000.0), curved=True)
+    scene = grid_scene(field, field.shape, (cell_m, cell_m, 2000.0), curved=curved)
     terrain = surface_of(scene, WAVELENGTH_NM).terrain_m
     plan = plan_medium(matter_of(scene, WAVELENGTH_NM), terrain, 0.7, Fineness(divide=False))
-    assert plan.stands_alone == (cell_m > 1200.0)
+    assert plan.stands_alone == (parts == 8)
     layers = np.diff(plan.own_levels_m)
     assert layers.min() == pytest.approx(2000.0 / parts)

@@ -101,7 +101,7 @@ class MediumPlan:
     @property
     def stands_alone(self) -> bool:
         """Whether cells are so wide that columns are lit each by itself."""
-        return not self.periodic and min(self.cell_m) >= WIDE_CELL_M and self.columns[1] >= LANES
+        return stand_alone(self.periodic, min(self.cell_m), self.columns[1])
 
     def check(self, species: list[OpticalSpecies]) -> None:
         """Refuse matter that the plan is not of."""
@@ -110,6 +110,11 @@ class MediumPlan:
                 f"the plan is of {', '.join(self.species) or 'clear air'}, the scene has "
                 f"{', '.join(one.name for one in species) or 'none'}: solve without this plan"
             )
+
+
+def stand_alone(periodic: bool, cell_m: float, columns: int) -> bool:
+    """Whether each column is lit by itself, where there are so many in a row and cells are so wide."""
+    return not periodic and cell_m >= WIDE_CELL_M and columns >= LANES
 
 
 def lit_in_parts(grid: Grid | None, covered: bool) -> bool:
@@ -167,10 +172,8 @@ def plan_medium(matter: Matter, terrain_m: F32, mu_sun: float, asked: Fineness) 
             )
 
         fewer = levels_of(True)
-        divided = grid.curved and not grid.periodic and not divisions
-        parts = fineness_of((len(fewer), ny, nx), cell_m, cover is not None, True) if divided else 1
-        alone = divided and cell_m / parts >= WIDE_CELL_M and parts * nx >= LANES
-        levels = fewer if alone else levels_of(False)
+        parts = fineness_of((len(fewer), ny, nx), cell_m, cover is not None, True) if grid.curved else 1
+        levels = fewer if stand_alone(grid.periodic, cell_m / parts, parts * nx) else levels_of(False)
     fineness = 1
     if grid.curved and (asked.refine or cover is not None):
         fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, asked.refine)
