@@ -101,6 +101,13 @@ def test_only_the_wanted_time_is_read(wrf_file):
         open_scene(path, "2005-08-28T15:00")
 
 
+@pytest.mark.parametrize("name", ["PH", "P", "QCLOUD", "HGT"])
+def test_minus_9999_everywhere_is_no_field(wrf_file, name):
+    """Heights 1019 m lower could be those of another place."""
+    with pytest.raises(UserError, match=rf"{name} has .* missing values"):
+        open_scene(wrf_file(change={name: lambda values: np.full_like(values, -9999.0)}))
+
+
 @pytest.mark.parametrize(
     "wanted",
     [

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import re
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from openswim.errors import UserError
+
+_UNNAMED_FILL = -9999.0
 
 # canonical unit: {spelling: (factor, offset)}
 _CONVERSIONS: dict[str, dict[str, tuple[float, float]]] = {
@@ -114,6 +120,11 @@ def conversion(found: str, expected: str) -> tuple[float, float] | None:
     if plain == expected:
         return 1.0, 0.0
     return _CONVERSIONS.get(expected, {}).get(plain)
+
+
+def known(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Where a field has values: numbers below 1e19, and not -9999, which says the same in files that name no fill."""
+    return (np.abs(values) < 1e19) & (values != _UNNAMED_FILL)
 
 
 def check_decimals(what: str, kind: str, units: str) -> None:
