@@ -115,37 +115,34 @@ def _mask_of_pixels() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def _at_means(lat: FloatArray, lon: FloatArray, level: int) -> tuple[FloatArray, FloatArray]:
     """As `_at_pixels`, of the image averaged over 2^level pixels."""
-    rows, columns, weights = _around(lat, lon, _mean_shape(level))
-    high = _STRIP >> level
-    strip, row = np.divmod(rows, high)
-    found = np.empty((*rows.shape, 4), np.float32)
-    for n in np.flatnonzero(np.bincount(strip.ravel())):
-        some = strip == n
-        found[some] = _means(int(n))[level - 1][row[some], columns[some]]
-    value = (found * weights[..., None]).sum(axis=0)
+    means = _means()[level - 1]
+    rows, columns, weights = _around(lat, lon, (means.shape[0], means.shape[1]))
+    for strip in np.flatnonzero(np.bincount(rows.ravel() // (_STRIP >> level))):
+        _fill(int(strip))
+    value = (means[rows, columns] * weights[..., None]).sum(axis=0)
     return value[:, 3], value[:, :3] / np.maximum(value[:, 3:], 1e-6)
 
 
-def _mean_shape(level: int) -> tuple[int, int]:
-    """Of the image averaged over 2^level pixels each way."""
-    rows, columns = (-(-n >> level) for n in _IMAGE_SHAPE)
-    return rows, columns
+@cache
+def _means() -> list[NDArray[np.float32]]:
+    """Linear red, green, blue times land, and land (rows, columns, 4), averaged over 2, 4, ... pixels each way, of the
+    strips that have been filled; memory is taken by these alone."""
+    shapes = [[-(-n >> level) for n in _IMAGE_SHAPE] for level in range(1, _LEVELS + 1)]
+    return [np.empty((*shape, 4), np.float32) for shape in shapes]
 
 
 @cache
-def _means(strip: int) -> list[NDArray[np.float32]]:
-    """Linear red, green, blue times land, and land (rows, columns, 4), of `_STRIP` rows of the image, averaged over 2,
-    4, ... pixels each way."""
+def _fill(strip: int) -> None:
+    """Make the means of `_STRIP` rows of the image."""
     mask_row, mask_column = _mask_of_pixels()
     rows = slice(strip * _STRIP, (strip + 1) * _STRIP)
     land = (_mask()[mask_row[rows, None], mask_column] == 1).astype(np.float32)
     finer = np.concatenate([_linear_table().astype(np.float32)[_image()[rows]] * land[..., None], land[..., None]], -1)
-    means = []
-    for _ in range(_LEVELS):
+    for n, means in enumerate(_means()):
         finer = np.pad(finer, ((0, finer.shape[0] % 2), (0, finer.shape[1] % 2), (0, 0)), mode="edge")
         finer = 0.25 * (finer[::2, ::2] + finer[1::2, ::2] + finer[::2, 1::2] + finer[1::2, 1::2])
-        means.append(finer)
-    return means
+        first = strip * (_STRIP >> (n + 1))
+        means[first : first + len(finer)] = finer
 
 
 def water_fraction(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
