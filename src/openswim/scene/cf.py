@@ -50,7 +50,10 @@ def save_zarr(data: xr.Dataset, path: str | os.PathLike[str]) -> None:
     """Write a Zarr folder (format 2, consolidated); whole or not at all."""
     with written_whole(path) as partial:
         encoding: dict[str, Any] = {str(name): _fill(data, name) for name in data.variables}
-        data.to_zarr(partial, mode="w", encoding=encoding, zarr_format=2, consolidated=True)
+        # with pieces of nothing but zeros: a store without them could have lost them, and its time if that is 1970
+        data.to_zarr(
+            partial, mode="w", encoding=encoding, zarr_format=2, consolidated=True, write_empty_chunks=True
+        )  # fmt: skip
 
 
 def in_layout(
