@@ -54,6 +54,6 @@ def test_means_of_the_land_are_those_of_its_pixels(level: int) -> None:
 def test_land_far_and_wide_is_continuous_across_strips() -> None:
     """Along a meridian of Africa, where strips of the averaged image meet."""
     lat = np.linspace(24.0, 10.0, 2001)
-    for width_m in (15_000.0, 60_000.0, 240_000.0):
+    for width_m, bound in ((15_000.0, 0.011), (60_000.0, 0.0048), (240_000.0, 0.0014)):
         albedo = earth.land_albedo(lat, np.full(lat.size, 10.0), [550.0], np.full(lat.size, width_m))[:, 0]
-        assert np.abs(np.diff(albedo)).max() < 0.05 * albedo.mean()
+        assert np.abs(np.diff(albedo)).max() < bound * albedo.mean()

@@ -157,20 +157,21 @@ def test_longitudes_over_the_date_line(tmp_path, turn):
     np.testing.assert_allclose(scene.data.liquid_content, CONTENT[:, ::-1])
 
 
-def test_gaps_below_the_terrain_are_filled(tmp_path):
+@pytest.mark.parametrize("gap", [np.nan, -9999.0])
+def test_gaps_below_the_terrain_are_filled(tmp_path, gap):
     terrain = np.array([[0.0, 0.0, 700.0, 700.0]] * 2)
     buried = np.broadcast_to(LEVELS[:, None, None] < terrain, CONTENT.shape)
     temperature = np.broadcast_to(np.array([290.0, 285.0, 280.0])[:, None, None], CONTENT.shape)
     fields = {
         "surface_altitude": (("y", "x"), terrain, {"units": "m"}),
-        "liquid_content": (("z", "y", "x"), np.where(buried, np.nan, CONTENT), {"units": "kg m-3"}),
-        "air_temperature": (("z", "y", "x"), np.where(buried, np.nan, temperature), {"units": "K"}),
+        "liquid_content": (("z", "y", "x"), np.where(buried, gap, CONTENT), {"units": "kg m-3"}),
+        "air_temperature": (("z", "y", "x"), np.where(buried, gap, temperature), {"units": "K"}),
     }
     scene = _read(tmp_path, _dataset(**fields))
     np.testing.assert_allclose(scene.data.liquid_content, np.where(buried, 0.0, CONTENT), rtol=1e-6)
     np.testing.assert_allclose(scene.data.air_temperature, np.where(buried, 280.0, temperature))
     assert any("liquid_content: 8 missing values below the terrain" in note for note in scene.notes)
-    with pytest.raises(UserError, match="liquid_content has 8 missing values"):
+    with pytest.raises(UserError, match=r"liquid_content (has 8 missing values|runs from -9999)"):
         _read(tmp_path, _dataset(liquid_content=fields["liquid_content"]))
 
 

@@ -84,7 +84,7 @@ def test_smoke_below_zero_is_refused(tmp_path):
     assert "smoke runs from -1" in _error(path)
 
 
-@pytest.mark.parametrize("gap", ["bitmap", "1e20"])
+@pytest.mark.parametrize("gap", ["bitmap", "1e20", "-9999"])
 def test_gaps_in_contents_are_no_cloud_and_said(tmp_path, gap):
     def west(lat, lon):
         return lon < 237.5
@@ -95,7 +95,7 @@ def test_gaps_in_contents_are_no_cloud_and_said(tmp_path, gap):
             if gap == "bitmap":
                 one.missing = west
             else:
-                one.values = lambda lat, lon: np.where(west(lat, lon), 1e20, 1e-4)
+                one.values = lambda lat, lon: np.where(west(lat, lon), float(gap), 1e-4)
     product.packing = "grid_simple" if gap == "bitmap" else "grid_ieee"
     scene = open_scene(gf.write(tmp_path / "file", product))
     lon, lat = scene.grid.lonlat(np.arange(31), np.arange(23)[:, None])

@@ -244,7 +244,7 @@ def relief_m(lat: ArrayLike, lon: ArrayLike) -> FloatArray:
 
 @cache
 def _relief() -> NDArray[np.uint8]:
-    """Code of heights, north up from 180 W."""
+    """Heights in steps of 28 m from -450 m on, or `_UNKNOWN`; north up from 180 W."""
     import netCDF4
 
     path = _relief_path()

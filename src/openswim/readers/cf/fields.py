@@ -16,7 +16,7 @@ from openswim.errors import UserError
 from openswim.optics.aerosol import aerosol_optics, described_profile
 from openswim.readers.common.base import naming
 from openswim.readers.common.opening import reading
-from openswim.readers.common.units import canonical, conversion
+from openswim.readers.common.units import canonical, conversion, has_value
 from openswim.scene import Grid, Optics, plausible
 from openswim.scene.aerosol import DEFAULT_AEROSOL, AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
@@ -219,7 +219,7 @@ def _fill_below_ground(fields: dict[str, xr.DataArray], grid: Grid, notes: list[
         if set(field.dims) != {"z", "y", "x"}:
             continue
         values = field.transpose("z", "y", "x").values
-        gaps = ~(np.abs(values) < 1e19) & (height < ground)
+        gaps = ~has_value(values) & (height < ground)
         if not gaps.any():
             continue
         values = np.where(gaps, 0.0, values).astype(values.dtype)

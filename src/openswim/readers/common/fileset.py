@@ -21,7 +21,7 @@ from openswim.readers.common.bounds import check_size
 from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
-from openswim.readers.common.units import check_decimals, conversion, known
+from openswim.readers.common.units import check_decimals, conversion, has_value
 from openswim.scene.times import Time, rounded
 
 _SINGLES = (*MEMBER_DIMS, "bnds")
@@ -146,7 +146,7 @@ def opened_set(
 
 
 def values(path: Path, field: xr.DataArray, units: str) -> NDArray[np.float32]:
-    """The values as float32 in the wanted units; missing ones (see `known`) are NaN."""
+    """The values as float32 in the wanted units; missing ones (see `has_value`) are NaN."""
     check_size(path, str(field.name), field.shape)
     factor = conversion(str(field.attrs.get("units", units) or units), units)
     if factor is None:
@@ -159,7 +159,7 @@ def values(path: Path, field: xr.DataArray, units: str) -> NDArray[np.float32]:
         check_decimals(f"{path}: {field.name}", raw.dtype.kind, units)
         found = raw.astype(np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
-        found[~known(found)] = np.nan
+        found[~has_value(found)] = np.nan
         if factor != (1.0, 0.0):
             found = (factor[0] * found.astype(np.float64) + factor[1]).astype(np.float32)
     return found

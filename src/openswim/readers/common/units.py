@@ -122,7 +122,7 @@ def conversion(found: str, expected: str) -> tuple[float, float] | None:
     return _CONVERSIONS.get(expected, {}).get(plain)
 
 
-def known(values: NDArray[Any]) -> NDArray[np.bool_]:
+def has_value(values: NDArray[Any]) -> NDArray[np.bool_]:
     """Where a field has values: numbers below 1e19, and not -9999, which says the same in files that name no fill."""
     return (np.abs(values) < 1e19) & (values != _UNNAMED_FILL)
 

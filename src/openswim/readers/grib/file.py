@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.readers.common.units import has_value
 from openswim.readers.grib.codes import Meaning, aerosol_meaning, grib1_meaning, grib2_meaning
 from openswim.readers.grib.sections import Damaged, Sections, fields_in, message, packing
 
@@ -163,7 +164,7 @@ class GRIBFile:
         if self._codes.codes_get_size(handle, "values") != points:
             return None
         values = np.asarray(self._codes.codes_get_double_array(handle, "values"))  # not all packings have float32
-        values[~(np.abs(values) < 1e19)] = np.nan
+        values[~has_value(values)] = np.nan
         return values.astype(np.float32)
 
     def _points(self, one: Field, handle: Any) -> int:

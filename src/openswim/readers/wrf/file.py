@@ -18,7 +18,7 @@ from openswim.readers.common.base import Time, open_netcdf, pick_time
 from openswim.readers.common.bounds import check_size
 from openswim.readers.common.fileset import dates_of
 from openswim.readers.common.kept import leave, take
-from openswim.readers.common.units import check_decimals, known
+from openswim.readers.common.units import check_decimals, has_value
 
 MASS_LEVELS = ("bottom_top", "south_north", "west_east")
 FULL_LEVELS = ("bottom_top_stag", "south_north", "west_east")
@@ -148,7 +148,7 @@ class WRFFile:
         raw = np.asarray(self._raw(name, where))
         check_decimals(f"{self.path}: {name}", raw.dtype.kind, units)
         values = raw.astype(np.float32)
-        missing = values.size - int(np.count_nonzero(known(values)))
+        missing = values.size - int(np.count_nonzero(has_value(values)))
         if missing:
             raise UserError(
                 f"{self.path}: {name} has {missing} missing values (NaN or fill) of {values.size}: "
