@@ -228,8 +228,7 @@ def volume(rng: np.random.Generator) -> Volume:
         _uniform(rng, 0.5, 0.9, 2, PACK), _uniform(rng, 0.1, 0.4, 2, PACK), _uniform(rng, 0.1, 0.3, 2, DEGREE, PACK),
         0.5 * np.stack([told, told[::-1]]), bend, True,
         np.zeros((0, DEGREE**2, PACK), FLOAT), np.zeros((1, 1, 1), np.int32), _uniform(rng, 1e-6, 1e-4, NZ, 4 * PACK),
-        _uniform(rng, 0.1, 0.3, NZ, PACK), np.full(NZ, 700.0, FLOAT), np.zeros((NY, NX), FLOAT),
-        np.zeros((NY, NX), FLOAT),
+        _uniform(rng, 0.1, 0.3, NZ, PACK), np.zeros((NY, NX), FLOAT), np.zeros((NY, NX), FLOAT),
     ))  # fmt: skip
 
 

@@ -30,7 +30,6 @@ from openswim.transport.march.volume import (
     Shells,
     Volume,
     blank_fields,
-    reach,
     tidy,
 )
 from openswim.transport.medium.coefficients import on_levels
@@ -201,7 +200,6 @@ def sunlit_volume(
             _fill_level(k, matter, np.ascontiguousarray(depths.forward(k)), cloud_channel, fields)
 
     in_threads(fill)
-    air_extinction = np.stack([c.air_extinction for c in coefficients], axis=-1)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, FLOAT), (levels - levels[0]).astype(FLOAT),
@@ -210,7 +208,7 @@ def sunlit_volume(
         factors_of(second, told), np.zeros((nz if fast and ns else 0, ny, nx, PACK), FLOAT), False,
         np.zeros((0, DEGREE * DEGREE, PACK), FLOAT), np.zeros((1, 1, 1), np.int32),
         np.zeros((nz, 4 * PACK), FLOAT),
-        np.zeros((nz, PACK), FLOAT), reach(air_extinction).astype(FLOAT), medium.terrain_m,
+        np.zeros((nz, PACK), FLOAT), medium.terrain_m,
         steepness(medium.terrain_m, medium.cell_m, medium.periodic),
     )  # fmt: skip
     return tidy(volume), depths

@@ -267,19 +267,6 @@ def expect(typingctx, array, n):
 
 
 @intrinsic
-def pack_of(typingctx, a, b, c, d):
-    """PACK numbers."""
-
-    def lower(context, builder, sig, args):
-        out = _undefined(_NARROW)
-        for w, x in enumerate(args):
-            out = builder.insert_element(out, x, _INT(w))
-        return out
-
-    return _NARROW(_NUMBER, _NUMBER, _NUMBER, _NUMBER), lower
-
-
-@intrinsic
 def each(typingctx, a, b, c, d):
     """Four numbers, each PACK times: what multiplies four packs that lie together."""
 

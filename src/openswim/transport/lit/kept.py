@@ -212,7 +212,7 @@ def _check(lit: LitGrid) -> None:
         and volume.single.shape == (ns, DEGREE, PACK) and volume.terrain_m.shape == volume.steep.shape == (ny, nx)
         and volume.free.shape == (nz, ny, nx) and volume.bend.shape in ((nz, ny, nx, PACK), (0, ny, nx, PACK))
         and volume.levels_m.shape == (nz + 1,) and volume.air.shape == (nz, 4 * PACK)
-        and volume.haze_depth.shape == (nz, PACK) and volume.reach_m.shape == (nz,)
+        and volume.haze_depth.shape == (nz, PACK)
         and volume.chart.ndim == 3 and volume.chart.shape[2] == 2 and volume.sides_m.shape == (4,)
         and _indices(volume.level_table, nz) and volume.fields.size <= 64 and volume.turning.size == 0,
         "a volume of the grid's shape",

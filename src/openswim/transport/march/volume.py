@@ -111,7 +111,6 @@ class Volume(NamedTuple):
     turning_row: NDArray[np.int32]  # (nz, ny, nx) of a node
     air: F32  # (nz, 4 PACK) `Shells.rows` on the levels
     haze_depth: F32  # (nz, PACK) forward depth of the air to the sun
-    reach_m: F32  # (nz,) longest step that the air's depth allows, m
     terrain_m: F32  # (ny, nx)
     steep: F32  # (ny, nx) bound of the terrain's slope around, see `free.steepness`
 

@@ -159,8 +159,9 @@ def _meet_terrain(w, s, step, radius_m, ground_m, volume):
 
 
 @njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
-def _air_step_m(above_m, per_cosine, reach_m):
-    """A step in air: part of its scale height, at most ``reach_m``, part of its depth; in vacuum as far as may be."""
+def _air_step_m(above_m, per_cosine, shells):
+    """A step in air: part of its scale height, at most part of its depth; in vacuum as far as may be."""
+    reach_m = flat(shells.reach_table, min(int(above_m * SHELL_TABLE_PER_M), shells.reach_table.shape[0] - 1))
     # level rays bend out of their layer in 50 km or so
     return min((200.0 + 0.1 * above_m) * min(per_cosine, 67.0), reach_m) if reach_m < FAR_M else FAR_M
 
@@ -227,7 +228,7 @@ def walk_on(w, places, shells, volume, highest_m, scale):
         k = min(int(level), volume.fields.shape[0] - 2)
         node = k * (ny * nx) + (min(int(iy), ny - 1) * nx + min(int(ix), nx - 1))
         _expect(node, nx, ny * nx, volume.fields)
-        next_step = _air_step_m(above, w[PER_COSINE], 1.0 * flat(volume.reach_m, k))
+        next_step = _air_step_m(above, w[PER_COSINE], shells)
         slope = w[H1] + 2.0 * (t - w[BEGIN]) * w[H2]
         rising = slope > 0.0
         ahead = int(level)
@@ -271,8 +272,7 @@ def walk_on(w, places, shells, volume, highest_m, scale):
             next_step = min(next_step, max(way, _LEAST_STEP * cell))
     else:
         mu = (w[RISE] + t) / (shells.radius_m + h)
-        row = min(int(above * SHELL_TABLE_PER_M), shells.reach_table.shape[0] - 1)
-        next_step = _air_step_m(above, 1.0 / max(abs(mu), 1e-9), flat(shells.reach_table, row))
+        next_step = _air_step_m(above, 1.0 / max(abs(mu), 1e-9), shells)
         if w[GRIDDED] > 0.0:
             # beside the grid, but over it: no farther than the way to it
             ny, nx = volume.terrain_m.shape
