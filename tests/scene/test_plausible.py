@@ -186,7 +186,8 @@ def test_noise_in_pressure_is_told_and_a_cyclone_is_not():
 @pytest.mark.parametrize(
     ("time", "odd"),
     [("1970-01-01T00:00:00.500", True), ("1970-01-01", True), ("1969-12-31T21:13:21", True),
-     ("2024-06-21T12:00:00.25", True), ("0001-01-01", True), ("2024-06-21T12:00", False), ("1836-01-01", False)],
+     ("2024-06-21T12:00:00.25", True), ("0001-01-01", True), ("2024-06-21T12:00", False), ("1836-01-01", False),
+     ("1800-01-01T01", True), ("1900-01-01T00:30", True), ("1899-12-31T20:59", False), ("1900-06-01", False)],
 )  # fmt: skip
 def test_times_of_no_weather_are_told(time, odd):
     one = Scene.clear(0.0, 0.0, time=np.datetime64(time))

@@ -29,7 +29,9 @@ _IN_CLOUD = {"ice": (150.0, 235.0, 2e-7, 7e-4), "liquid": (274.0, 330.0, 2e-6, 3
 _CLOUDED, _SOME_CLOUD = 0.5, 20  # cloud fraction; nodes that tell a mean
 _MISPLACED = 0.03  # of a content; real files (ERA5, GFS, IFS, UM, WRF) have up to 0.003
 _FORECASTS_SINCE, _UNTIL = np.datetime64("1800-01-01", "ms"), np.datetime64("2500-01-01", "ms")
-_CLOCKS_START, _CLOCKS_FILLED = np.datetime64("1970-01-01", "ms"), np.timedelta64(3, "h")  # -9999 s is a fill value
+# from which NCEP's reanalysis, ERA5 and Unix count their time; -9999 s is a fill value
+_CLOCKS_START = np.array(["1800-01-01", "1900-01-01", "1970-01-01"], "datetime64[ms]")
+_CLOCKS_FILLED = np.timedelta64(3, "h")
 
 
 def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
@@ -110,7 +112,7 @@ def odd_time(time: np.datetime64 | None) -> list[str]:
     if time is None or np.isnat(time):
         return []
     fraction = bool(time != time.astype("datetime64[s]"))
-    beginning = abs(time - _CLOCKS_START) < _CLOCKS_FILLED  # where clocks that hold nothing stand
+    beginning = bool((abs(time - _CLOCKS_START) < _CLOCKS_FILLED).any())  # where clocks that hold nothing stand
     if fraction or beginning or not _FORECASTS_SINCE < time < _UNTIL:
         return [f"the time {time} is odd for weather: is it what the file means? (--sun lights by another)"]
     return []
