@@ -67,6 +67,11 @@ def number(what: str, value: Any) -> float:
     return float(array)
 
 
+def written_number(text: str) -> float:
+    """The number that a file has in letters; raises ValueError, for "1_000" too, which is a number only to Python."""
+    return float(text.replace("_", "?"))
+
+
 def numbers(what: str, value: Any) -> NDArray[Any]:
     """The array of numbers that this is; raises UserError."""
     array = _array(what, value)

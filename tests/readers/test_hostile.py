@@ -52,6 +52,16 @@ def test_truncated(tmp_path, name, kept):
     _refused(truth.paths, truth.paths[0].name)
 
 
+@pytest.mark.parametrize("kind", ["shdom", "at3d"])
+def test_numbers_that_only_python_reads_are_none(tmp_path, kind):
+    path = les_text(tmp_path / "a.txt", kind).paths[0]
+    lines = path.read_text().splitlines()
+    spacing = next(n for n, line in enumerate(lines) if "0.0" in line)
+    lines[spacing] = lines[spacing].replace("0.0", "0.0_", 1)
+    path.write_text("\n".join(lines) + "\n")
+    _refused(path, "a.txt")
+
+
 @pytest.mark.parametrize("lines", [1, 2, 4])
 def test_les_text_that_ends_in_its_head(tmp_path, lines):
     (tmp_path / "les.txt").write_text("".join(["4,4,3\n", "0.02,0.02\n", "0.1,0.2,", "0.3\n"][: lines + 1]))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import check_keys, numbers, shown, takes
+from openswim.arguments import check_keys, numbers, shown, takes, written_number
 from openswim.cameras import Camera
 from openswim.errors import UserError
 from openswim.progress import tell
@@ -217,7 +217,7 @@ def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:
 def _cell(text: str, name: str, where: str, file: Path) -> float:
     """The finite number of a cell."""
     try:
-        value = float(text.replace("_", "?"))  # which Python takes for a thousands' mark
+        value = written_number(text)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):

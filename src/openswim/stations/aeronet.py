@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import paths, shown
+from openswim.arguments import paths, shown, written_number
 from openswim.errors import UserError
 from openswim.optics.spheres import Sizes, SphereOptics, scattering_by_spheres
 from openswim.scene.aerosol import AerosolProfile
@@ -339,7 +339,7 @@ def _stamp(path: Path, date: str, clock: str) -> np.datetime64:
 
 def _number(text: str, lacking: float = _LACKING) -> float | None:
     try:
-        value = float(text)
+        value = written_number(text)
     except ValueError:
         return None
     return value if np.isfinite(value) and value > lacking else None

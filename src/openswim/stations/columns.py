@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.arguments import shown
+from openswim.arguments import shown, written_number
 from openswim.errors import UserError
 
 F64 = NDArray[np.float64]
@@ -111,7 +111,7 @@ def _values(column: str, texts: Sequence[str], decimal_commas: bool) -> F64:
     out = np.full(len(texts), np.nan)
     for row, text in enumerate(texts):
         try:
-            out[row] = float(text) if text.strip() else np.nan
+            out[row] = written_number(text) if text.strip() else np.nan
         except ValueError:
             remedy = "write a decimal point" if "," in text else "leave it empty where there is no value"
             raise UserError(f"{shown(text)} in the column {shown(column)} is no number: {remedy}") from None

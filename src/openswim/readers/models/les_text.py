@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import written_number
 from openswim.errors import UserError
 from openswim.readers.common.base import (
     SceneInfo,
@@ -116,7 +117,7 @@ def _head(path: Path) -> _Head | None:
             continue
         separator = "," if "," in text else separator
         try:
-            numbers.append([float(word) for word in text.replace(",", " ").split()])
+            numbers.append([written_number(word) for word in text.replace(",", " ").split()])
         except ValueError:
             if not numbers or text.lower().replace(" ", "").split(",")[:3] != ["i", "j", "k"]:
                 return None

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import written_number
 from openswim.errors import UserError
 from openswim.readers.common.base import Time
 from openswim.readers.common.bounds import check_sizes
@@ -171,7 +172,7 @@ def _parsed(path: Path, grid: int) -> dict[str, list[float]]:
             continue
         try:
             count = int(lines[index + 1])
-            values = [float(text) for text in " ".join(lines[index + 2 : index + 2 + count]).split()]
+            values = [written_number(text) for text in " ".join(lines[index + 2 : index + 2 + count]).split()]
         except ValueError:
             continue
         if len(values) < count:
