@@ -53,8 +53,8 @@ _MOMENT_LEVELS_M = np.array(
 # Depth of a layer between these from which on it is halved, at most so many times: haze of a depth of 3 that absorbs
 # nothing keeps 98 % of its light, with whole layers 95
 _THICK, _HALVINGS = 0.2, 3
-# Depth of absorption above, under which a wavelength has nothing left to be followed closely: 760, 940 and 1378 nm lose
-# .1 % of their light by it, at a fifth of the price
+# Depth of absorption above, under which a wavelength has nothing left to be followed closely: light at 940 and 1378 nm
+# is off by .1 % then, at a sixth of the price; oxygen at 760 nm never takes so much
 _ABSORBED = 7.0
 _SUNS_DEG = np.array(
     [0, 10, 20, 30, 40, 50, 58, 65, 70, 74, 78, 81, 84, 86, 88, 89.5, 91, 92, 93, 94, 95, 96, 97, 98, 99, 100, 101, 102,
