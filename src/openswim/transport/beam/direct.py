@@ -7,22 +7,20 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from openswim.transport.beam.sun_sweep import BEYOND
+from openswim.transport.engine.compiled import REORDERED, kernel, part
 from openswim.transport.engine.pack import PACK, choose_above, flat, read, write
 from openswim.transport.engine.scalar import shadow_fraction, table_index, transmission
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.sample import sun_table_coordinate
 from openswim.transport.march.volume import SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _HALF, _ONE = FLOAT(0.5), FLOAT(1.0)
 _DARKEST, _MOST_AIR = 1e-12, FLOAT(27.631)  # transmission, and its depth, that stand for none
 _MOST = FLOAT(80.0)  # depth: what lies deeper still has a beam that `beam.py` can tell from none
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
+@part(REORDERED, merged=True)
 def _plane_value(plane, x, y):
     """Bilinear value at fractional (x, y); the caller has made sure that the point is inside."""
     ny, nx = plane.shape
@@ -36,7 +34,7 @@ def _plane_value(plane, x, y):
     ) * b
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _shadow_row(j, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
     """A row of nodes: see `shadow_rows`."""
     ny, nx = terrain_m.shape
@@ -61,14 +59,14 @@ def _shadow_row(j, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
         distance_m[j, i] = ridge
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def shadow_rows(t, threads, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m):
     """Height (ny, nx) up to which the terrain of an open domain hides the sun, and the distance of the ridge."""
     for j in range(t, terrain_m.shape[0], threads):
         _shadow_row(j, terrain_m, sun, cell_m, radius_m, shadow_m, distance_m)
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@kernel(REORDERED)
 def shell_transmission(height_m, mu_sun, w, shells):
     """Delta-scaled transmission of the shells from the sun to a height (m above sea level), at wavelength w."""
     above = max(height_m - shells.ground_m, 0.0)
@@ -90,7 +88,7 @@ def shell_transmission(height_m, mu_sun, w, shells):
     return lit * math.exp(-depth)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _beam_row(k, j, depth, factors, sun, levels_m, shadow_m, distance_m, count, shells, beams, fields):
     """The nodes of a row: see `direct_beam`."""
     mixtures, nz, ny, width = depth.shape
@@ -130,7 +128,7 @@ def _beam_row(k, j, depth, factors, sun, levels_m, shadow_m, distance_m, count, 
             beams[w, k, j, i] = root * root
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _ground_row(j, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface):
     """The ground under a row: see `direct_beam`."""
     nz = depth.shape[1]
@@ -152,7 +150,7 @@ def _ground_row(j, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_
             surface[w, j, i] = lit * shell_transmission(ground, sun[j, i, 2], w, shells) * math.exp(-total)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def direct_beam(
     t, threads, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, beams, surface, fields
 ):  # fmt: skip
@@ -171,7 +169,7 @@ def direct_beam(
         _ground_row(j, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def ground_beam(
     t, threads, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface
 ):  # fmt: skip
@@ -180,7 +178,7 @@ def ground_beam(
         _ground_row(j, depth, factors, sun, levels_m, terrain_m, shadow_m, distance_m, count, shells, surface)
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
+@part(REORDERED, merged=True)
 def lit_fraction(height_m, shadow_m, distance_m, softness_m):
     """Share of the sun seen above a ridge: penumbra of the disc, at least ``softness_m`` wide."""
     width = max(softness_m, 2.0 * SUN_RADIUS_RAD * distance_m)

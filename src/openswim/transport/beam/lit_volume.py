@@ -6,7 +6,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.air.dimmed import Dimmed
@@ -14,6 +13,7 @@ from openswim.transport.beam.depth_basis import factors_of, mixtures
 from openswim.transport.beam.direct import direct_beam, ground_beam, shadow_rows
 from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
 from openswim.transport.beam.within_cells import bend_cells
+from openswim.transport.engine.compiled import kernel
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
@@ -90,7 +90,7 @@ def _for_kernels(medium: Medium) -> F32:
     return np.require(medium.extinction, FLOAT, ["C", "W"])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def _fill_level(k, extinction, forward_depth, cloud_channel, fields):
     """Species (ns, nz, ny, nx), forward depths (n, ny, nx) and the species' sum of level k into its nodes' channels:
     node after node, since whoever goes channel by channel goes through all of the memory for each."""

@@ -9,9 +9,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads, njit
+from numba import get_num_threads
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import REORDERED, kernel, part
 from openswim.transport.engine.pack import (
     LANES,
     choose_above,
@@ -26,7 +27,6 @@ from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import SUN_RADIUS_RAD
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
@@ -65,13 +65,13 @@ class SunGrid(NamedTuple):
     periodic: bool
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS, inline="always")
+@part(REORDERED, merged=True)
 def _within(x, least, most, count, periodic):
     """Where a ray is on an axis, or where it left: lanes beside it may stay a little longer."""
     return x - math.floor(x / count) * count if periodic else min(max(x, least), most)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
     """LANES nodes of field n of (fields, nz, ny, nodes and what lies beyond), from fractional (x, y) on, bilinear, each
     a little aside: where that is beyond the next node, a steep field would go on below zero."""
@@ -91,14 +91,14 @@ def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
     return choose_above(value, _ZERO, value, _ZERO)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _way_up_m(mu, bend, rise_m):
     """Distance after which a ray has risen by so much."""
     root = math.sqrt(mu * mu + 4.0 * bend * rise_m)
     return 2.0 * rise_m / (mu + root) if mu > 0.0 else (root - mu) / (2.0 * bend)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _ways_out(nodes, count, per_m):
     """Distances from packs of nodes to the end of an axis that they go to, at so many cells per metre; none of nodes
     beyond it."""
@@ -109,7 +109,7 @@ def _ways_out(nodes, count, per_m):
     return choose_above(fast, along, ways, FLOAT(_FAR_M))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
     """Optical depths from LANES nodes (k, j, i on) toward the sun up to level ``last``, then what is known there, into
     ``total`` (fields, LANES); ``below``: scratch as large.
@@ -195,7 +195,7 @@ def _depths_to_sun(k, j, i, middle, ray, turn, last, grid, total, below):
         write(total, n * LANES, read_quadruple(total, n * LANES) + beyond)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _fill_beyond(row, nx, periodic):
     """Nodes beyond the ends of a row: the other end's where periodic, else the end itself."""
     for n in range(1, BEYOND + 1):
@@ -204,13 +204,13 @@ def _fill_beyond(row, nx, periodic):
     row[nx + 2 * BEYOND] = row[nx + 2 * BEYOND - 1]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _longer(mu, bend, rise_m, turn):
     """Share by which the way up changes where the cosine of the zenith angle does by ``turn``."""
     return -turn / max(math.sqrt(max(mu * mu + 4.0 * bend * rise_m, 0.0)), 1e-9)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _pieces(ray, turn, rise_m, radius_m, nodes):
     """In how many pieces so many nodes go up by ``rise_m``, that their rays stay side by side and are about as long;
     ``ray``, ``turn``: see `_depths_to_sun`."""
@@ -220,26 +220,26 @@ def _pieces(ray, turn, rise_m, radius_m, nodes):
     return int(min(nodes * max(apart / _APART, abs(longer) / _LONGER) + 1.0, float(nodes)))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _moved(ray, rise_m, radius_m):
     """Cells that a ray moves by, along the axis that it is faster on, while it rises by ``rise_m``."""
     bend = (1.0 - ray[2] * ray[2]) / (2.0 * radius_m)
     return max(abs(ray[0]), abs(ray[1])) * _way_up_m(ray[2], bend, rise_m)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _dip(above_m, radius_m):
     """Cosine of the zenith angle of a ray that starts so high above the level that it touches."""
     return -math.sqrt(2.0 * above_m / (radius_m + 2.0 * above_m))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _aim(sun, cell_m, lowest, ray):
     """``ray`` of `_depths_to_sun` toward a sun, or to where its cosine is the ``lowest``."""
     ray[0], ray[1], ray[2] = sun[0] / cell_m[0], sun[1] / cell_m[1], max(sun[2], lowest)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _row_to_sun(k, j, grid, scratch, ray, turn):
     """The nodes of a row, LANES at a time: along rays beside that of the middle one or, where the Earth bends and they
     part, of the middle one of each of some pieces. Once for those that follow their rays, once for those that do not,
@@ -286,7 +286,7 @@ def _row_to_sun(k, j, grid, scratch, ray, turn):
         _fill_beyond(grid.depth[n, k, j], nx, grid.periodic)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def _share_level(t, threads, k, grid, scratch):
     """Thread t's rows of level k: see `sun_sweep`."""
     ray, turn = np.empty(3), np.empty(3)
@@ -294,7 +294,7 @@ def _share_level(t, threads, k, grid, scratch):
         _row_to_sun(k, j, grid, scratch[t], ray, turn)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def _look_for_cloud(t, threads, extinction, there):
     """Thread t's levels of where any of _BLOCK nodes of a row has any extinction: ``there`` (nz, ny, blocks)."""
     fields, nz, ny, width = extinction.shape
@@ -350,7 +350,7 @@ def sun_sweep(
     return depth
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def _weigh(t, threads, extinction, weights, periodic, out):
     """Thread t's levels of `weighted`."""
     ns, nz, ny, nx = extinction.shape

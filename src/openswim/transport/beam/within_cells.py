@@ -18,29 +18,28 @@ docs/decisions/0019-beam-between-nodes.md.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.beam.sun_sweep import BEYOND
+from openswim.transport.engine.compiled import REORDERED, kernel, part
 from openswim.transport.engine.pack import PACK, flat, put
 from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 ASIDE = 0.005  # share of v^2 below which v_i^2 would tell of rounding more than of light
 _MOST = 2.0  # times the change of the depth along an axis
 _LEAST = -2.0  # by then light has all of a cell, and does not grow
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _over_root(rise):
     """c of a straight line over the square of a straight line from 1 to e^(-rise/2), which keeps the mean light within
     2 %: rise^2/4 where that is small, rise where it is large."""
     return rise * rise / (64.0 + rise * rise * rise) ** (1.0 / 3.0)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _cell(t, e, v, rooted, bend, at):
     """c along x, y, z of one cell, from depths and extinctions (8,) at its corners, z y x in binary, into ``bend``;
     where ``rooted``, for the square of a line between roots, else for a line between depths."""
@@ -64,7 +63,7 @@ def _cell(t, e, v, rooted, bend, at):
         put(bend, at + axis, FLOAT(max(c + _over_root(abs(mean)), _LEAST) if rooted else c))
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def bend_cells(t, threads, depth, weights, sun, levels_m, cell_m, rooted, volume):
     """`Volume.bend` of thread t's levels: of the cells with cloud at a corner, the others stay zero.
 

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.columns.spherical_harmonics import (
@@ -19,6 +18,7 @@ from openswim.transport.columns.spherical_harmonics import (
     eliminate,
     ground_start,
 )
+from openswim.transport.engine.compiled import FINITE, kernel, part
 from openswim.transport.engine.eye_ways import way_from_eye
 from openswim.transport.engine.pack import (
     LANES,
@@ -34,8 +34,6 @@ from openswim.transport.engine.pack import (
 from openswim.transport.engine.scalar import step_emission, transmission
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE
-
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 
 MOST_PARTS = 12  # of a cell
 _PART_DEPTH = FLOAT(0.8)  # delta-scaled optical depth of a part
@@ -76,7 +74,7 @@ class Found(NamedTuple):
     up: F32  # (count, ny, nx) flux at the top
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _write_legendre(cosine, out, at):
     """(2l+1) P_l (DEGREE, LANES) of cosines, from flat element ``at`` of ``out`` on."""
     p0, p1 = spread_quadruple(_ONE), cosine
@@ -86,7 +84,7 @@ def _write_legendre(cosine, out, at):
         p0, p1 = p1, up
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _looks(j, i, levels_m, sun, eye, looks, phases, slopes):
     """Of the way to the eye at every level: weights of the moments (nz, MODES, ORDERS), (2l+1) P_l of the angle from
     the sun (nz, DEGREE), and the cosine upward (nz), for LANES columns."""
@@ -111,7 +109,7 @@ def _looks(j, i, levels_m, sun, eye, looks, phases, slopes):
                 write(looks, at, FLOAT(2 * ell + 1) * turn * read_quadruple(looks, at))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _nodes(w, j, i, scatterers, phases, with_once, fields, nodes):
     """At every level (nz, DEGREE + 3) extinction and moments of scattering, air's too, what the species scatter of the
     beam toward the eye, and the depth to the sun, at LANES nodes and wavelength w."""
@@ -139,7 +137,7 @@ def _nodes(w, j, i, scatterers, phases, with_once, fields, nodes):
             put(nodes, out + (DEGREE + 2) * LANES + n, FLOAT(-2.0 * math.log(root_of_beam)))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _shade_sides(j, i, ny, nx, levels_m, clear, sun, half_m, nodes):
     """Depths to the sun of columns through whose open side it shines: the cell goes on there for half its width, or its
     whole depth would scatter a beam that a little of it takes. ``clear``: extinction of the air (nz,)."""
@@ -174,7 +172,7 @@ def _shade_sides(j, i, ny, nx, levels_m, clear, sun, half_m, nodes):
             put(nodes, at, flat(nodes, at) + FLOAT(depth))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _count_parts(nodes, levels_m, parts):
     """Into how many parts each cell (nz - 1) is divided, and how many places there are."""
     count = 1
@@ -187,7 +185,7 @@ def _count_parts(nodes, levels_m, parts):
     return count
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _place_at(s, k, share, nodes, places):
     """Place s between levels k and k + 1: extinction and scattering, depth to the sun, light scattered once."""
     a = k * (DEGREE + 3) * LANES
@@ -205,7 +203,7 @@ def _place_at(s, k, share, nodes, places):
     write(places.source, s * LANES, (low + share * (up - low)) * transmission(depth))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _fill_places(nodes, levels_m, parts, places):
     """`Places` of every cell in its parts. With depths to the sun t_1 >= t_2 at a part's ends the mean beam in it is
     e^-t_2 (1 - e^-(t_1 - t_2))/(t_1 - t_2). Returns the number of places."""
@@ -232,7 +230,7 @@ def _fill_places(nodes, levels_m, parts, places):
     return s + 1
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _lacking(w, k, m, share, cosine, lacking):
     """What the air of a column lacks along a way of this zenith cosine, between suns m and m + 1."""
     suns, ways = lacking.shape[2], lacking.shape[3]
@@ -245,7 +243,7 @@ def _lacking(w, k, m, share, cosine, lacking):
     return near + share * (far - near)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _show(w, count, j, i, parts, places, slopes, missing, fields):
     """Into the fields each node's source: its own, or in thick cells what makes the eye, which takes it as linear to
     the next node, see what the parts send up: of the light L = int S e^-tau dtau of a cell's parts, A S_up + B S_low
@@ -305,7 +303,7 @@ def _show(w, count, j, i, parts, places, slopes, missing, fields):
                 put(fields, place + n * channels + other - w, value)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(FINITE)
 def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
     """Light of every column, and the smooth source toward one eye at its nodes, into fields[..., PACK:2 PACK].
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import LANES, choose_above, flat, read_quadruple, spread_quadruple, write
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
@@ -96,7 +95,7 @@ def _recurrence() -> tuple[F32, F32, F32]:
 _UP, _BACK, _BEGIN = _recurrence()
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def direction(m, mu, n, out):
     """`harmonics_of_mode` of LANES cosines into out[n:]."""
     p0, p1 = spread_quadruple(_ZERO), spread_quadruple(_BEGIN[m])
@@ -106,7 +105,7 @@ def direction(m, mu, n, out):
         p0, p1 = p1, up
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def ground_start(m, table, ground, start):
     """R and q on the ground; ``ground``: its level, albedo, and the beam's flux on it."""
     t = m * _TABLE
@@ -134,7 +133,7 @@ def ground_start(m, table, ground, start):
     write(start, 5 * LANES, given * (o00 * f1 - o10 * f0) * det)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def eliminate(m, first, count, table, places, lit, ends, rows):
     """From the ground up the odd moments o by the even ones e, ``rows`` (place, 6, LANES): o = R e + q.
 
@@ -213,7 +212,7 @@ def eliminate(m, first, count, table, places, lit, ends, rows):
         write(rows, k + 5 * LANES, q1)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def back(m, first, count, table, places, lit, ends, rows, looks):
     """From the top down the moments, where Marshak's conditions with `Ends.above` and o = R e + q give e; what they
     scatter toward the eye by the weights ``looks`` (nz, MODES, ORDERS, LANES) is added to `Places.source`, and the

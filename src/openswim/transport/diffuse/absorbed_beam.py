@@ -15,17 +15,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.diffuse.optical_grid import OpticalGrid, total_extinction, with_ghosts
+from openswim.transport.engine.compiled import FINITE, kernel, part
 from openswim.transport.engine.pack import LANES, choose_above, read_quadruple, root, write
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE, _EIGHTH, _QUARTER = FLOAT(0.0), FLOAT(1.0), FLOAT(0.125), FLOAT(0.25)
 _NINTH, _EIGHTEENTH = FLOAT(1 / 9), FLOAT(1 / 18)
 _CLOUDY = FLOAT(1e-3)  # share of the extinction that cloud must be
@@ -36,13 +35,13 @@ _TINY = FLOAT(1e-37)
 _DARK = FLOAT(1e-36)  # at a corner of less light there is the terrain's shadow, or nothing left
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _face(a, b, c, d):
     """Mean of the square of what is bilinear between corners; a and d, b and c lie across from each other."""
     return ((a * a + b * b) + (c * c + d * d) + (a + d) * (b + c)) * _NINTH + (a * d + b * c) * _EIGHTEENTH
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(FINITE)
 def cell_ratios(t, threads, beam, extinction, clear, sun, levels_m, cell_m, near_cloud, out):
     """What thread t's levels of cells take of the beam, over what their corners say, 1 in clear air.
 
@@ -102,17 +101,17 @@ def cell_ratios(t, threads, beam, extinction, clear, sun, levels_m, cell_m, near
                 write(out, n, choose_above(most - air, _CLOUDY * most, ratio, _ONE))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _least(a, b):
     return choose_above(a, b, b, a)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _most(a, b):
     return choose_above(a, b, a, b)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(FINITE)
 def amend_beam(t, threads, ratios, levels_m, near_cloud, ground_node, periodic, beam):
     """The beam (nz, ny, columns) of thread t's levels, by the mean of the ``ratios`` of the cells around each node, and
     of those above it on the ground."""

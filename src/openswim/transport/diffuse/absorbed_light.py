@@ -8,22 +8,20 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from openswim.transport.diffuse.ground_nodes import all_of_ground
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.diffuse.step import ALONG_Z, Row, between_corners, upstream
+from openswim.transport.engine.compiled import REORDERED, part
 from openswim.transport.engine.pack import LANES, choose_above, flat, put, read_quadruple, write
 from openswim.transport.engine.types import FLOAT
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
 _FAINT, _TINY = FLOAT(1e-3), FLOAT(1e-30)  # optical depth of a step that is left as it is; least light
 _MOST = FLOAT(50.0)  # times as much as the nodes say, a step may take
 _FIRST = FLOAT(0.5 / math.sqrt(math.pi))  # the first harmonic
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _amend_row(row, scratch, step, shares, buried, first, grid, buffers):
     """What the steps of a `Row` that has been carried take of the light, over what the nodes at their ends would have
     them take: less one, as a share of these nodes' light, added to ``buffers.amended``.
@@ -76,7 +74,7 @@ def _amend_row(row, scratch, step, shares, buried, first, grid, buffers):
         write(amended, d + i, read_quadruple(amended, d + i) + wd * more)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def amend_plane(plane, after, buried, step, grid, buffers):
     """`_amend_row` of the steps of `sweep._sweep_plane`; ``after``: the plane downstream."""
     _, ny, packs = grid.cloudy.shape
@@ -105,7 +103,7 @@ def amend_plane(plane, after, buried, step, grid, buffers):
         _amend_row(here, plane.scratch, step, (own_share, up_share), buried, first, grid, buffers)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _fold_sides(plane, nx, periodic):
     """What ghost nodes have got goes to those they stand for."""
     ny = plane.shape[0] - 2
@@ -117,7 +115,7 @@ def _fold_sides(plane, nx, periodic):
         plane[j, 1 if periodic else nx] += plane[j, nx + 1]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _leave_more(k, t, rows, cloudy, place, weight, light, amended, start, more):
     """What a swept strip's light is to be amended by, a share ``amended`` of it, into the sums of thread t."""
     ny, blocks = place.shape[1], place.shape[2]
@@ -134,7 +132,7 @@ def _leave_more(k, t, rows, cloudy, place, weight, light, amended, start, more):
             write(more, out, read_quadruple(more, out) + weight * added)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def leave_amended(k, t, which, rows, grid, place, weight, q, downward, highest, room):
     """`_leave_more` of a plane, once the steps to the next one have amended it."""
     if room.amended.shape[2] == 0 or room.near_cloud[k] == 0:

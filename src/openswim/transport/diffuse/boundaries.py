@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from openswim.transport.diffuse.step import step_weights
+from openswim.transport.engine.compiled import REORDERED, part
 from openswim.transport.engine.pack import flat, put
 from openswim.transport.engine.types import FLOAT
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _LEFT = 0.02  # of the light upstream, that the last sweep's stands in for
 _MOST_ROUNDS = 100
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def enter(light, node, inward, extinction, node_e, length, inflow):
     """Light at a ``node`` on a side through which it enters: what makes the mean of this node and the next one
     ``inward`` that of the cell between them, of a length along the ordinate, if all of it emits alike."""
@@ -29,7 +27,7 @@ def enter(light, node, inward, extinction, node_e, length, inflow):
     put(light, node, FLOAT(inflow + share * (flat(light, node + inward) - inflow)))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def set_sides(plane, first, nx, periodic, inflow, known, side):
     """Ghost nodes before a plane (rows and ghosts, nodes and ghosts), from row ``first`` on, is swept.
 
@@ -52,7 +50,7 @@ def set_sides(plane, first, nx, periodic, inflow, known, side):
     plane[ny + 1, :] = inflow
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def wrap_sides(plane, nx, side):
     """Ghost nodes of a swept periodic plane: the other side; the next sweep begins from them."""
     ny = plane.shape[0] - 2
@@ -64,7 +62,7 @@ def wrap_sides(plane, nx, side):
     end_rows(plane, True)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def end_rows(plane, periodic):
     """Ghost rows: the other side where periodic, else the edge itself."""
     ny = plane.shape[0] - 2
@@ -74,7 +72,7 @@ def end_rows(plane, periodic):
         plane[ny + 1, i] = plane[last, i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def rounds_of(q, dz, cell_m, columns):
     """How often a plane is swept until light that goes round a period of ``columns`` (y, x) on its way through a layer
     has come in from the plane before, but for `_LEFT`. Once where a period is wide, and along level ordinates, whose
@@ -87,7 +85,7 @@ def rounds_of(q, dz, cell_m, columns):
     return int(min(max(math.ceil(-math.log(_LEFT) * often), 1), _MOST_ROUNDS))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def cross_clear(k, before, q, grid, light, light_before, emitted, emitted_before):
     """A plane of a period in one step from the plane before, with clear air between: level light goes round many times
     on its way there, which sweeps of cells would follow one round each."""

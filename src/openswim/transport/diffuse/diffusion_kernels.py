@@ -7,16 +7,14 @@ that packs of neighbours reach into.
 
 from __future__ import annotations
 
-from numba import njit
-
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import LANES, flat, put, read_quadruple, spread_quadruple, write
 from openswim.transport.engine.types import FLOAT
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO = FLOAT(0.0)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
+@part(FINITE)
 def step_and_clear(shape, step, along, product, e, residual, inverse, share, cleared, sums):
     """Go a ``step`` ``along``, and solve columns by themselves for what is left; sums (2, LANES): of both
     multiplied, and of what is left, squared."""
@@ -47,7 +45,7 @@ def step_and_clear(shape, step, along, product, e, residual, inverse, share, cle
     write(sums, LANES, square)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
+@part(FINITE)
 def turn_and_multiply(shape, turn, along, new, cleared, own, up, north, east, columns, periodic, product, sums):
     """The next direction, ``cleared`` and ``turn`` times the last one, and the medium's product with it; sums: of both
     multiplied."""

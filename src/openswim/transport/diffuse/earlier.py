@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.diffuse.optical_grid import total_extinction
 from openswim.transport.diffuse.ordinate_transform import BLOCK
 from openswim.transport.diffuse.sweeper import DARK, Sweeper
+from openswim.transport.engine.compiled import kernel
 from openswim.transport.engine.drift import drift_of
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
@@ -128,7 +128,7 @@ def _nearest(levels_m: F64, then_m: F64) -> NDArray[np.int64]:
     return np.abs(np.subtract.outer(levels_m, then_m)).argmin(axis=1)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def carry(
     t, threads, place, extinction, nx, periodic, dy, dx, level_then, place_then, extinction_then, start_then,
     defect_then, first,

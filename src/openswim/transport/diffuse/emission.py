@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from openswim.transport.diffuse.moments import between, interpolated
 from openswim.transport.diffuse.ordinate_transform import BLOCK, multiply
+from openswim.transport.engine.compiled import REORDERED, part
 from openswim.transport.engine.pack import (
     LANES,
     expect,
@@ -19,12 +18,11 @@ from openswim.transport.engine.pack import (
 )
 from openswim.transport.engine.types import FLOAT
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
 _FOUR_PI = FLOAT(4.0 * math.pi)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _block_source(
     g, k, amounts, grid, group, values, at, beam, node, harmonics, column, stride, terms, out, first, apart
 ):  # fmt: skip
@@ -49,7 +47,7 @@ def _block_source(
     multiply(group.harmonics, g, count, degree * degree, terms, 0, BLOCK, out, first, apart, False)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def row_of_emission(n, row, emission):
     """Where the emission (or the radiance) of row n's blocks along its group's first ordinate lies, to which a block's
     own index times BLOCK is to be added, and how far apart that of another ordinate."""
@@ -57,7 +55,7 @@ def row_of_emission(n, row, emission):
     return flat(row, n) * (emission.shape[0] - 1) * BLOCK, apart
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _expect_block(values, block):
     """Ask for the moments of a block that is next."""
     size = values.shape[1] * BLOCK
@@ -65,7 +63,7 @@ def _expect_block(values, block):
         expect(values, block * size + i)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, emission):
     """Emission of the blocks that are kept on row j of level k, along the ordinates of group g, into ``emission``.
 
@@ -94,7 +92,7 @@ def kept_row(g, k, j, grid, group, place, row, values, amounts, terms, emission)
         )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _mixture(k, node, grid, extinction, apart, amounts):
     """What species a unit of delta-scaled extinction of the coarser grid's cloud is; all alike where there is none."""
     ns = grid.scattering.shape[0]
@@ -113,7 +111,7 @@ def _mixture(k, node, grid, extinction, apart, amounts):
         write(amounts, (1 + s) * BLOCK, per * read_quadruple(amounts, (1 + s) * BLOCK))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def thin_row(g, k, m, cloud, out_row, grid, group, coarser, amounts, terms, out):
     """Row m of level k of what the coarser field gives the air (cloud: a unit of cloud's extinction) along group g.
 
@@ -146,14 +144,14 @@ def thin_row(g, k, m, cloud, out_row, grid, group, coarser, amounts, terms, out)
         row_ends(out, first + n * line, coarser.columns, False)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _upsampled(thin, row, next_row, x, factor, rest, share):
     """LANES nodes from node x of a finer row on, between two rows of a grid coarser by ``factor``."""
     at = row + x // factor  # the node before that of x: rows begin with a ghost
     return interpolated(rest * read_quadruple(thin, at) + share * read_quadruple(thin, at + next_row), factor)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _expect_next(at, n, row, emission, thin, air_row, cloud_row):
     """Ask for what the row after this will need: no processor guesses steps of so many ordinates."""
     line = thin.shape[1] * thin.shape[2]
@@ -167,7 +165,7 @@ def _expect_next(at, n, row, emission, thin, air_row, cloud_row):
         expect(emission, after + i)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def emission_row(k, j, n, start, grid, place, row, emission, coarser, thin, air, cloud, extinction, out):
     """Emission along ordinate n of its group on row j of level k, into the row of ``out`` from ``start`` on.
 
@@ -203,14 +201,14 @@ def emission_row(k, j, n, start, grid, place, row, emission, coarser, thin, air,
     row_ends(out, start, grid.ground_node.shape[1], grid.periodic)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def row_ends(rows, at, nx, periodic):
     """Ghost nodes at the ends of the row that begins at flat element ``at``."""
     put(rows, at, flat(rows, at + (nx if periodic else 1)))
     put(rows, at + nx + 1, flat(rows, at + (1 if periodic else nx)))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def collect_row(g, k, j, ahead, again, radiance, group, place, row, values, nx):
     """Sum of w_n Y_nlm I_n over the blocks that are kept on row j of level k, along group g, into ``values``.
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from openswim.transport.diffuse.ordinate_transform import BLOCK
+from openswim.transport.engine.compiled import REORDERED, part
 from openswim.transport.engine.types import FLOAT
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _LEAST_ASIDE = 1e-3
 _ONE, _TWO = FLOAT(1.0), FLOAT(2.0)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def share_of_ground(k, q, downward, levels_m, cell_m):
     """What a node on the ground, at level k, is to emit and take, of what it would, along an ordinate.
 
@@ -28,7 +26,7 @@ def share_of_ground(k, q, downward, levels_m, cell_m):
     return FLOAT(1.0 / (2.0 - c) if downward else 1.0 / max(c, _LEAST_ASIDE))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def share_ground(k, rows, share, grid, extinction, out, emitted):
     """A strip's rows of ``extinction`` into ``out``, a ``share`` of it where cloud is on the ground; ``emitted``, which
     is of the strip alone, likewise."""
@@ -50,13 +48,13 @@ def share_ground(k, rows, share, grid, extinction, out, emitted):
         _copy(out, 1 if grid.periodic and rows[0] == 0 else ny, ny + 1)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _copy(plane, source, target):
     for i in range(plane.shape[1]):
         plane[target, i] = plane[source, i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def all_of_ground(k, rows, q, downward, grid, amended):
     """What steps amend the light of nodes on the ground by, which they share with none below, in a strip's plane."""
     levels_m = grid.levels_m

@@ -9,16 +9,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.diffuse.ordinate_transform import BLOCK
+from openswim.transport.engine.compiled import REORDERED, kernel, part
 from openswim.transport.engine.pack import LANES, four_times_as_fine, put, read_quadruple, twice_as_fine, write
 from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO = FLOAT(0.0)
 
 
@@ -58,7 +57,7 @@ def places(kept: NDArray[np.bool_]) -> NDArray[np.int32]:
     return np.where(flat, np.cumsum(flat) - 1, -1).reshape(kept.shape).astype(np.int32)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, inline="always")
+@part(REORDERED, merged=True)
 def between(i, factor, count):
     """Index and weight of the coarser node before fine node ``i``; its neighbour has the rest of the weight."""
     x = (i - 0.5 * (factor - 1)) / factor
@@ -67,13 +66,13 @@ def between(i, factor, count):
     return m, FLOAT(share)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def interpolated(nodes, factor):
     """LANES nodes of a grid from those of one coarser by 2 or 4, of which the second is the first one's own."""
     return twice_as_fine(nodes) if factor == 2 else four_times_as_fine(nodes)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _coarser_row(place, values, k, j, factor, scratch):
     """Moments at level k of a densely kept coarser grid, into scratch (M*M, nx of the coarser), at the fine row j."""
     count, nx = scratch.shape
@@ -96,7 +95,7 @@ def _coarser_row(place, values, k, j, factor, scratch):
                     row[i] += share * two[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _moment_row(place, values, coarser, k, j, scratch, nx, out):
     """Moments (M*M, ...) of the ``nx`` nodes of one row, kept or interpolated, between ghosts that repeat the ends.
 
@@ -158,7 +157,7 @@ def _kept(
     return out, kept
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
     """Moments of a grid coarser by two, bilinearly interpolated, into the blocks that are kept; ``again``: added.
 
@@ -200,7 +199,7 @@ def prolong(t, threads, coarse, coarse_nx, coarsest, place, nx, values, again):
                     put(values, at + i, _ZERO)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
     """Means over 2x2 columns of the change of moments kept in blocks, on a densely kept grid coarser by two.
 
@@ -245,14 +244,14 @@ def restrict(t, threads, place, before, values, weight, nx, coarse_place, out):
                         out[at, c, side * half + i] = mean
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def add_scaled(t, threads, out, weight, values):
     """out += weight values, rows of numbers."""
     for i in range(t * out.shape[0] // threads, (t + 1) * out.shape[0] // threads):
         out[i] += weight * values[i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def scale(t, threads, values, ratio):
     """values (blocks, moments, BLOCK) times ratio (blocks, BLOCK)."""
     for n in range(t, values.shape[0], threads):
@@ -261,7 +260,7 @@ def scale(t, threads, values, ratio):
                 values[n, c, i] *= ratio[n, i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def squares(t, threads, before, after, level, change, size):
     """Thread t's share of the squares of the first moments (l < 2): their ``change`` (threads,), and on every level
     their ``size`` (threads, nz). ``level``: of every block."""
@@ -277,7 +276,7 @@ def squares(t, threads, before, after, level, change, size):
         size[t, level[n]] += own
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def weighted_change(t, threads, before, after, level, weight, out):
     """Change of the first moments (blocks, 4, BLOCK), weighted by level."""
     for n in range(t, after.shape[0], threads):
@@ -286,7 +285,7 @@ def weighted_change(t, threads, before, after, level, weight, out):
                 out[n, c, i] = (after[n, c, i] - before[n, c, i]) * weight[level[n]]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def inner_product(t, threads, a, b, out):
     """Thread t's share of the sum of a b, rows of numbers, into out[t]."""
     total = 0.0

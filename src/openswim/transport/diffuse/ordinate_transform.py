@@ -6,9 +6,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import REORDERED, part
 from openswim.transport.engine.ordinates import harmonic_matrix
 from openswim.transport.engine.pack import LANES, flat, read_quadruple, spread_quadruple, write
 from openswim.transport.engine.types import FLOAT
@@ -17,7 +17,6 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 BLOCK = LANES  # nodes of a row that are kept, or swept as clear, together
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO = FLOAT(0.0)
 _TILE = 5  # rows of a matrix that are summed side by side: one alone waits for its own last sum
 
@@ -33,13 +32,13 @@ class Groups(NamedTuple):
     gather: np.ndarray  # (groups, tiles, ordinates, _TILE)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _leave(y, at, row, again):
     """Write a row of BLOCK nodes, or add it to what is there."""
     write(y, at, row + read_quadruple(y, at) if again else row)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def multiply(tiles, g, rows, columns, x, x_at, x_stride, y, y_at, y_stride, again):
     """Rows of y, BLOCK nodes each from flat element ``y_at`` on, as group g's matrix (rows, columns) times rows of x.
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import REORDERED, part
 from openswim.transport.engine.pack import LANES, choose_above, flat, put, read_quadruple, spread_quadruple, write
 from openswim.transport.engine.types import FLOAT
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 _ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
 _TWO, _TWELVE = FLOAT(2.0), FLOAT(12.0)
 _SIXTEENTH, _SIXTH = FLOAT(0.0625), FLOAT(1 / 6)
@@ -58,7 +57,7 @@ class Row(NamedTuple):
     entry: int  # the node where light enters the row from beside, there is no medium upstream of it; or -1
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def step_weights(extinction, extinction_up, ds):
     """(trans, near, far) of a step: radiance = trans upstream + near source + far source_up; scalars or packs.
 
@@ -85,7 +84,7 @@ def step_weights(extinction, extinction_up, ds):
     return t, mean * (_HALF + extinction_up * c), mean * (_HALF - extinction * c)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def upstream(plane, row, aside, now_e, last_e, step):
     """The first upstream corners of a row, in the order of the step's weights: `ALONG_Z` has all on the plane before,
     the others two on each. row, aside: this row's first node from the plane's first on, and that of the row upstream;
@@ -103,14 +102,14 @@ def upstream(plane, row, aside, now_e, last_e, step):
         at[0], at_e[0], at[2], at_e[2] = at[0] + sx, at_e[0] + sx, at[2] + sx, at_e[2] + sx
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def between_corners(array, a, b, c, d, wa, wb, wc, wd):
     """Bilinear values at the upstream points of LANES nodes, from the corners' four rows."""
     low = wa * read_quadruple(array, a) + wb * read_quadruple(array, b)
     return low + (wc * read_quadruple(array, c) + wd * read_quadruple(array, d))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def carry_row(row, plane, step, cloudy, buffers):
     """Light carried to a `Row` of a `Plane` by its `Step`, in the buffers ``light``, ``emitted``, ``extinction`` and
     ``work`` of a sweep's room.
@@ -159,7 +158,7 @@ def carry_row(row, plane, step, cloudy, buffers):
             put(intensity, out + entry, inflow)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _recur(out, at, work, room, share, nx, shift):
     """out[i] = known[i] + share[i] out[upstream neighbour], from the ghost node on.
 

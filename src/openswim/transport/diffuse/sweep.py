@@ -13,7 +13,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.diffuse.absorbed_light import amend_plane, leave_amended
@@ -40,13 +39,13 @@ from openswim.transport.diffuse.step import (
     step_weights,
     upstream,
 )
+from openswim.transport.engine.compiled import REORDERED, kernel, part
 from openswim.transport.engine.pack import flat, put, read_quadruple, write
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 
 F32 = NDArray[np.float32]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
 
 class Half(NamedTuple):
@@ -99,7 +98,7 @@ class Strip(NamedTuple):
     precedes: bool  # and one downstream
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _plan_step(q, k, before, grid, step):
     """How an ordinate steps through one plane: short characteristics along the axis whose cells it crosses fastest.
 
@@ -123,7 +122,7 @@ def _plan_step(q, k, before, grid, step):
     return axis
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _sweep_plane(plane, step, grid, room):
     """Light carried to a `Plane`, in the room's buffers."""
     _, ny, packs = grid.cloudy.shape
@@ -157,7 +156,7 @@ def _sweep_plane(plane, step, grid, room):
             enter(light, now + row + i, -sy * stride, extinction, now_e + row + i, length, inflow)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _emit(k, rows, slot, now, grid, place, coarser, room):
     """Emission on a strip of a plane along the ``slot``-th ordinate, from flat element ``now`` of its buffer on."""
     stride = room.emitted.shape[3]
@@ -168,7 +167,7 @@ def _emit(k, rows, slot, now, grid, place, coarser, room):
         )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _meet_ground(k, downward, rows, plane, share, ground_node, ground_radiance, flux):
     """Flux that a swept strip brings to the ground, or radiance that rises from it, at and below its nodes.
 
@@ -184,7 +183,7 @@ def _meet_ground(k, downward, rows, plane, share, ground_node, ground_radiance, 
                 flux[j, i] += share * own[i + 1]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _leave_top(rows, plane, share, flux):
     """Flux through the top; ``share``: see `_meet_ground`."""
     for j in range(rows[0], rows[1]):
@@ -192,7 +191,7 @@ def _leave_top(rows, plane, share, flux):
             flux[j, i] += share * plane[j - rows[0] + 1, i + 1]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(REORDERED, inlined=True)
 def _leave_light(k, n, rows, place, row, light, start, radiance):
     """Radiance of a swept strip, which begins at flat element ``start`` of ``light``, into the blocks that are kept."""
     ny, blocks = place.shape[1], place.shape[2]
@@ -207,13 +206,13 @@ def _leave_light(k, n, rows, place, row, light, start, radiance):
                 write(radiance, out, read_quadruple(light, at))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _copy_row(row, out):
     for i in range(row.shape[0]):
         out[i] = row[i]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _carry_strip(n, slot, t, strip, hemisphere, step):
     """Ordinate n, the ``slot``-th of its group, through a `Strip` of all planes, in buffers of thread t."""
     rows, follows, precedes = strip
@@ -288,7 +287,7 @@ def _carry_strip(n, slot, t, strip, hemisphere, step):
             leave_amended(k, t, cur, rows, grid, place, half.weight[n], q, downward, highest, room)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _carry(n, slot, t, hemisphere, step):
     """Ordinate n through the whole grid, strip after strip: a strip's planes fit in a core's cache."""
     ny = hemisphere.grid.cloudy.shape[1]
@@ -300,7 +299,7 @@ def _carry(n, slot, t, hemisphere, step):
         _carry_strip(n, slot, t, Strip(rows, s > 0, s + 1 < strips), hemisphere, step)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def share_rows(t, threads, g, group, values, new_values, hemisphere):
     """Thread t's share of what stands between two groups: what group g - 1 has left, and what g will find.
 
@@ -337,7 +336,7 @@ def share_rows(t, threads, g, group, values, new_values, hemisphere):
                     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def share_ordinates(t, threads, g, first, hemisphere):
     """Thread t's share of the ordinates of group g, first[g] to first[g + 1], carried through the grid."""
     step = Step(np.empty(8, FLOAT), np.empty(4, np.int64), np.empty(4, np.int64))

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import LANES, read_quadruple, root, spread_quadruple
 from openswim.transport.engine.types import FLOAT
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ONE = FLOAT(1.0)
 
 
@@ -37,7 +36,7 @@ def wide(array: NDArray[Any]) -> NDArray[np.float32]:
     return np.require(padded, FLOAT, "CW")
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def way_from_eye(j, i, height_m, eye):
     """Unit vectors from the eye to LANES nodes at a height, in row j from column i on, in the columns' own axes:
     (p + h up - e)/|p + h up - e| of the sea-level points p."""

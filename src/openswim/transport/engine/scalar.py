@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import FAST, part
 from openswim.transport.engine.pack import PACK, choose_above, flat, halved, whole
 from openswim.transport.engine.types import FLOAT
 
@@ -39,7 +39,7 @@ def _recurrence() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 UP, BACK, ALONG = _recurrence()
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+@part(FAST, merged=True)
 def transmission(optical_depth):
     """exp(-optical_depth) for any depth >= 0, within 3e-7, and within 5e-4 of itself below 0; vectorises, unlike exp.
 
@@ -52,7 +52,7 @@ def transmission(optical_depth):
     return halved((_F1 + _P1 * rest) + square * curve, t)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+@part(FAST, merged=True)
 def step_emission(depth, trans, step_m, source_near, source_far, extinction_near, extinction_far):
     """Light that one step adds at its near end, extinction and source linear along it.
 
@@ -70,7 +70,7 @@ def step_emission(depth, trans, step_m, source_near, source_far, extinction_near
     )
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+@part(FAST, merged=True)
 def share_of_step(extinction_near, extinction_far, step_m, optical_depth):
     """Share (0..1) of a step after which ``optical_depth`` is met, extinction linear along it; it must be met."""
     depth_per_m = optical_depth / step_m
@@ -78,13 +78,13 @@ def share_of_step(extinction_near, extinction_far, step_m, optical_depth):
     return min(FLOAT(2.0) * depth_per_m / (extinction_near + math.sqrt(max(square, FLOAT(0.0)))), _F1)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+@part(FAST, merged=True)
 def height_m(x, y, z, radius_m):
     """Height above the sphere of a point given relative to the sphere's top point; no cancellation."""
     return height_of_square_m(x * x + y * y + z * (2.0 * radius_m + z), radius_m)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True)
+@part(FAST)
 def height_of_square_m(q, radius_m):
     """Height h from q = (R + h)^2 - R^2: near the ground by the series of the root, to 1e-9 of the height."""
     x = q / (radius_m * radius_m)
@@ -98,7 +98,7 @@ def height_of_square_m(q, radius_m):
     return q / (math.sqrt(radius_m * radius_m + q) + radius_m)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+@part(FAST, merged=True)
 def shadow_fraction(mu, mu_horizon, sun_radius_rad):
     """Share of the sun's disc above the horizon (0..1), mu and mu_horizon being cosines of zenith angles."""
     x = (mu - mu_horizon) / sun_radius_rad
@@ -109,7 +109,7 @@ def shadow_fraction(mu, mu_horizon, sun_radius_rad):
     return 0.5 + (x * math.sqrt(1.0 - x * x) + math.asin(x)) / math.pi
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+@part(FAST, merged=True)
 def level_at(t, table):
     """Entry t of a table, interpolated linearly (ends clamped)."""
     n = table.shape[0] - 1
@@ -119,13 +119,13 @@ def level_at(t, table):
     return low + (t - i) * (flat(table, i + 1) - low)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+@part(FAST, merged=True)
 def table_index(value, origin, per_unit, table):
     """Fractional index of ``value`` by a uniform look-up table of fractional indices (ends clamped)."""
     return level_at((value - origin) * per_unit, table)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=True, inline="always")
+@part(FAST, merged=True)
 def smoothstep(x):
     """0 below 0, 1 above 1, smooth between."""
     if x <= 0.0:
@@ -135,7 +135,7 @@ def smoothstep(x):
     return x * x * (3.0 - 2.0 * x)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def harmonics(x, y, z, degree, out):
     """Real orthonormal spherical harmonics Y_lm(x, y, z), l < degree, into out[l*l + l + m]."""
     # P_mm and the upward recurrence in l, without the factor sin(theta)^m, which (x + iy)^m carries
@@ -159,7 +159,7 @@ def harmonics(x, y, z, degree, out):
         c, s = c * x - s * y, s * x + c * y
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def harmonics_symmetric(mu, cos_azimuth, degree, out):
     """The harmonics even in azimuth (m >= 0) of a direction, into out[l*(l+1)/2 + m].
 

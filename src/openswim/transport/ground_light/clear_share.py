@@ -7,9 +7,9 @@ cloud that the line of sight passes, by w_q q_z I_q: what the quadrature has of 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import kernel, part
 from openswim.transport.engine.ordinates import LEVEL, Ordinates
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
@@ -44,7 +44,7 @@ def clear_share(medium: Medium, scaled: F32, ordinates: Ordinates, radiance: F32
     return np.einsum("nw,nji->wji", weight, out, optimize=True)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def _add_depths(t, threads, depth, steps, periodic, out):
     """Part t of the depths ``out`` (n, ny, nx) along lines that pass layers (nk, ny + 2, nx + 2) of ``depth`` so many
     ``steps`` (n, 2, nk) of columns along x and y away."""
@@ -60,7 +60,7 @@ def _add_depths(t, threads, depth, steps, periodic, out):
                     out[n, j, i] += depth[k, row, columns[i]]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@part(inlined=True)
 def _node(at, count, periodic):
     """Where a column stands in a row with one more before and after it."""
     return 1 + (at % count if periodic else min(max(at, -1), count))

@@ -13,9 +13,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import REORDERED, kernel, part
 from openswim.transport.engine.scalar import height_m
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
@@ -32,7 +32,6 @@ _LEAST_PACE = 0.02  # of a ray over the plane, that steps are made for
 _OVER = 1e-3  # of a cell, that a step goes over the cell's side
 _LIFT_M = 0.3  # that rays to the sun begin above the ground
 _DISC = (0.25, 0.75)  # how high and low on the sun's disc those rays go, in its radius
-_FLAGS = {"contract", "reassoc", "nsz", "arcp"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +170,7 @@ def _raise(cells: F32, own: HeightField, finer: HeightField, finer_top: F32) -> 
     _raise_to(cells, rows, columns, finer_top)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _raise_to(cells, rows, columns, least):
     """Raise cells (ny, nx) to values (m, n) that lie in these of their rows (m,) and columns (n,)."""
     for j in range(rows.size):
@@ -200,7 +199,7 @@ def _within(f: HeightField, x: F64, y: F64) -> NDArray[np.bool_]:
     return (u >= 0) & (u <= nx - 1) & (v >= 0) & (v <= ny - 1)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _turned(x, y, z, axes):
     """A vector in the axes of the tangent plane."""
     return (
@@ -209,7 +208,7 @@ def _turned(x, y, z, axes):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _sphere_distance(ox, oy, oz, dx, dy, dz, radius_m, ground_m):
     """Distance along a ray to the sphere ``ground_m`` above that of the sea; FAR_M from under it."""
     rise = ox * dx + oy * dy + oz * dz + radius_m * dz
@@ -219,7 +218,7 @@ def _sphere_distance(ox, oy, oz, dx, dy, dz, radius_m, ground_m):
     return excess / (math.sqrt(disc) - rise) if rise < 0.0 and disc > 0.0 and excess >= 0.0 else FAR_M
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _covering(px, py, box):
     """The finest field that covers a point of the plane, or -1."""
     for f in range(box.shape[0]):
@@ -229,13 +228,13 @@ def _covering(px, py, box):
     return -1
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _bilinear(h, n, nx, a, b):
     """Height in the cell whose first node is the n-th, at shares of its sides."""
     return (h[n] * (1 - a) + h[n + 1] * a) * (1 - b) + (h[n + nx] * (1 - a) + h[n + nx + 1] * a) * b
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _clearance(x, y, z, f, i, j, radius_m, fields):
     """Height of a point over cell (j, i) of a field, which goes on beyond its sides."""
     q = radius_m / (radius_m + z)
@@ -244,7 +243,7 @@ def _clearance(x, y, z, f, i, j, radius_m, fields):
     return height_m(x, y, z, radius_m) - _bilinear(fields.heights, fields.first[f] + j * nx + i, nx, a, b)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def first_root(begin, middle, end):
     """Where from 0 to 1 a parabola through three even values first falls to zero; 2 where it does not."""
     if begin <= 0.0:
@@ -257,14 +256,14 @@ def first_root(begin, middle, end):
     return 2.0 * begin / (math.sqrt(disc) - slope)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _cell_ahead(at, pace, nodes):
     """The cell that a ray at a fractional index goes through, or into where it stands on a node."""
     cell = math.floor(at) if pace >= 0.0 else math.ceil(at) - 1.0
     return int(min(max(cell, 0.0), nodes - 2.0))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _way_out(at, pace, first, last):
     """How far along a ray its fractional index leaves what lies between two."""
     if pace > 0.0:
@@ -272,7 +271,7 @@ def _way_out(at, pace, first, last):
     return (first - at) / pace if pace < 0.0 else FAR_M
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _way_in(px, py, vx, vy, pace, box):
     """A step toward a box that a point of the plane is not in; negative where its ray goes another way."""
     right, above = box[0] + (box[3] - 1.0) * box[2], box[1] + (box[4] - 1.0) * box[2]
@@ -284,7 +283,7 @@ def _way_in(px, py, vx, vy, pace, box):
     return 0.9 * away / max(pace, _LEAST_PACE) + 0.05 * box[2]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(REORDERED)
 def _meet_one(ox, oy, oz, dx, dy, dz, t, radius_m, base_m, highest_m, fields, farthest):
     """Distance along a ray from ``t`` on to the fields, or ``farthest``; where it leaves them below ``base_m`` is
     ground too."""
@@ -347,7 +346,7 @@ def _meet_one(ox, oy, oz, dx, dy, dz, t, radius_m, base_m, highest_m, fields, fa
     return farthest
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def _meet_share(k, threads, origin, direction, axes, radius_m, base_m, highest_m, fields, distance):
     """Thread k's of the distances (n,) of rays (n, 3) to the ground, FAR_M where they miss it."""
     outermost = fields.box[fields.box.shape[0] - 1 :]
@@ -366,7 +365,7 @@ def _meet_share(k, threads, origin, direction, axes, radius_m, base_m, highest_m
         distance[n] = _meet_one(ox, oy, oz, dx, dy, dz, start, radius_m, base_m, highest_m, fields, far)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(REORDERED)
 def _height_share(k, threads, place, axes, radius_m, base_m, fields, height):
     """Thread k's of the heights (n,) of the ground over or under places (n, 3)."""
     for n in range(k, place.shape[0], threads):

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.optics.displays.crystals import LENGTH_OVER_WIDTH, phase_function, refractive_index
 from openswim.scene.phase import Mixture
+from openswim.transport.engine.compiled import kernel
 from openswim.transport.ice.prisms import MOST_WAYS, even, through_disc, trace
 
 F64 = NDArray[np.float64]
@@ -28,7 +28,7 @@ _RAYS = 1_500_000
 _FEW_BINS = 5  # over how many each way a mean is taken where bins differ by chance only
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def scattered(index, half_length, lean, sun_altitude, tilt, rays, altitudes, azimuths):
     """Shares (altitudes, azimuths) of the light on prisms whose axes lean from upright by an angle, to any side, by
     where it is seen: the altitude from straight down to straight up, and the azimuth from the sun's to the opposite,

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from openswim.transport.engine.compiled import kernel
 
 F64 = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ NORMALS = np.array(
 )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _reflected(cos_in, cos_out, n_in, n_out):
     """Fresnel's share of unpolarised light, by the cosines on both sides of a face."""
     s = (n_in * cos_in - n_out * cos_out) / (n_in * cos_in + n_out * cos_out)
@@ -32,7 +33,7 @@ def _reflected(cos_in, cos_out, n_in, n_out):
     return 0.5 * (s * s + p * p)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def trace(px, py, pz, dx, dy, dz, index, half_length, ways):
     """Follow a ray through a point, in a direction, of a prism of a refractive index and half as long as given. Fills
     ``ways`` (MOST_WAYS, 4) with unit directions and shares; returns how many there are, 0 where the ray misses."""
@@ -92,14 +93,14 @@ def trace(px, py, pz, dx, dy, dz, index, half_length, ways):
     return count + 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def even(n, which):
     """Numbers from 0 to 1 that fill the unit cube of up to eight dimensions evenly (Roberts's sequence, of the root
     of x^9 = x + 1)."""
     return (0.5 + n * _ROOT ** -(which + 1.0)) % 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def through_disc(dx, dy, dz, radius, share, part):
     """The point of a disc around the origin, across a direction, at a share of its area and a part of a turn."""
     sine = math.sqrt(max(1.0 - dz * dz, 1e-12))
@@ -109,7 +110,7 @@ def through_disc(dx, dy, dz, radius, share, part):
     return u * dy / sine + v * dx * dz / sine, -u * dx / sine + v * dy * dz / sine, -v * sine
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def scattered(index, half_length, rays, angles):
     """What prisms of all orientations scatter: shares of the light that falls on them in even bins (angles,) of the
     scattering angle, and, last, of what goes straight on."""

@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from openswim.transport.engine.compiled import CONTRACTED, REORDERED, kernel
 
 F64 = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ _ALIKE = 1e-6  # of the square of a row: some may be nearly alike
 _LEAST = 1e-14  # of the mean square of changes, added to each: some may be nearly parallel
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "reassoc"})
+@kernel(REORDERED)
 def _dot(a, b):
     """Sum of products, in one order whatever the threads."""
     total = 0.0
@@ -31,14 +32,14 @@ def _dot(a, b):
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+@kernel(CONTRACTED)
 def _away(image, x):
     """In place of x how far the image is from it."""
     for n in range(x.shape[0]):
         x[n] = image[n] - x[n]
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
+@kernel(CONTRACTED)
 def _add(x, share, more):
     for n in range(x.shape[0]):
         x[n] += share * more[n]

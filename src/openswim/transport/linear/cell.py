@@ -7,13 +7,10 @@ against those that `fast` computes with.
 """
 
 import math
-from typing import Any
 
-from numba import njit
-
+from openswim.transport.engine.compiled import kernel, part
 from openswim.transport.engine.lanes import chosen_above
 
-_FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "forceinline": True}
 SMALL = 0.02  # depth below which a slope is a series: it differs from the closed form by 1e-13 there
 DARK = 44.0  # depth
 _MOST, _NONE = 0.25, 1e-12  # of what steps take, over the light at nodes; added to that, lest it be none
@@ -22,7 +19,7 @@ _DEEP = 16.0  # to the fourth, -2: the least that a depth bends by
 SOFT = 0.02  # twice the depth of a step below which its ends are trusted, see `amendment`
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def through(tau):
     """(e^-tau, its mean over the step (1 - e^-tau)/tau), of depths of 0 and more.
 
@@ -53,7 +50,7 @@ def through(tau):
     return t * t, m * (DARK / max(tau, DARK))
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def through_slope(tau):
     """Slope of the mean of `through`; that of e^-tau is itself."""
     t, mean = through(tau)
@@ -61,7 +58,7 @@ def through_slope(tau):
     return chosen_above(tau, SMALL, (t - mean) / max(tau, SMALL), series)
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def step_weights(near_ext, far_ext, ds):
     """(trans, near, far): radiance = trans upstream + near S_near + far S_far; extinction and S linear between (F9)."""
     tau = 0.5 * (near_ext + far_ext) * ds
@@ -71,7 +68,7 @@ def step_weights(near_ext, far_ext, ds):
     return trans, w * (0.5 + far_ext * c), w * (0.5 - near_ext * c)
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def step_slopes(near_ext, far_ext, ds):
     """Slopes of `step_weights` by the near and by the far extinction: six numbers, weight by weight."""
     tau = 0.5 * (near_ext + far_ext) * ds
@@ -90,13 +87,13 @@ def step_slopes(near_ext, far_ext, ds):
     )  # fmt: skip
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def trusted(near_ext, far_ext, ds):
     """By what `amendment` divides; its slopes are one each."""
     return near_ext + far_ext + SOFT / ds
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def amendment(light, up, near, far, near_ext, told, both, ds):
     """What a step takes of the light beyond what its ends say, over its extinction: half of it amends the light that is
     scattered around the near node, half that around the far ones.
@@ -110,7 +107,7 @@ def amendment(light, up, near, far, near_ext, told, both, ds):
     return (2.0 / ds * (up - light) + near + far - near_ext * light - told) / both
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def bounded(t, threads, more, mean, ratio, by_more, by_mean):
     """ratio (nodes,) of the light that is scattered around nodes to that at them, where steps take ``more`` of the mean
     radiance than the ``mean`` at the nodes, and its slopes by both: 1 + y (1 + (y/.25)^4)^(-1/4), y = more/mean, which
@@ -125,7 +122,7 @@ def bounded(t, threads, more, mean, ratio, by_more, by_mean):
         ratio[n], by_more[n], by_mean[n] = 1.0 + y * root, slope, -y * slope
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def _hermite(row, depth):
     """Index and place in its interval, and the cubic's coefficients there."""
     last = row.shape[0] - 1
@@ -137,7 +134,7 @@ def _hermite(row, depth):
     return u - i, a, da, 3 * (b - a) - 2 * da - db, 2 * (a - b) + da + db
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def peak(row, depth):
     """Forward peak of a ray (F17) at a forward depth, from its values (n,) at depth/(1 + depth) = j/(n - 1): a cubic
     through them, since the slope of straight lines jumps at every one."""
@@ -145,14 +142,14 @@ def peak(row, depth):
     return a + x * (da + x * (c2 + x * c3))
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def peak_slope(row, depth):
     """Slope of `peak` by the depth."""
     x, _, da, c2, c3 = _hermite(row, depth)
     return (da + x * (2 * c2 + 3 * x * c3)) * (row.shape[0] - 1) / ((1.0 + depth) * (1.0 + depth))
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def bend(linear, mean, rises):
     """By how much the depth to the sun bends along an axis of a cell, c of F5, for the square of a line between roots.
 
@@ -167,7 +164,7 @@ def bend(linear, mean, rises):
     return c - low + low * math.sqrt(math.sqrt(_DEEP / (_DEEP + low**4)))
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def bend_slopes(linear, mean, rises):
     """Slopes of `bend` by each."""
     most = 16.0 * rises + _LEVEL
@@ -182,7 +179,7 @@ def bend_slopes(linear, mean, rises):
     return kept * share * (most / whole), kept * mean / part * (2.0 - cube / (64.0 + cube)), kept * 16.0 * by_most
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def beam_of(root, bent):
     """The beam where its root is linear between nodes and its depth bends besides (F5), and e to the minus that; its
     slope by the root is 2 root times the latter, by the depth it is less than nothing, itself."""
@@ -190,7 +187,7 @@ def beam_of(root, bent):
     return root * root * share, share
 
 
-@njit(**_FLAGS)
+@part(inlined=True)
 def less_between(single, single_far, beam, beam_far):
     """By how much the mean of single scattering times beam along a step is less than that of its ends; linear in
     either, so that its slopes are itself (fast's `march._plain_step`)."""

@@ -6,16 +6,12 @@ that there is to know of an ordinate. What rows of nodes have of the points upst
 (`engine.lanes`).
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import CONTRACTED, kernel, part
 from openswim.transport.engine.lanes import read, write
-
-FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
-PART: dict[str, Any] = {**FLAGS, "_nrt": False, "forceinline": True}  # of a kernel: nothing counts its arrays
-ROW: dict[str, Any] = {**FLAGS, "_nrt": False}
 
 # What calls hand to these as np.int64(0) or np.bool_(True): a literal is a type of its own, for which Numba would
 # compile them, and all that they call, once more.
@@ -40,7 +36,7 @@ class Course(NamedTuple):
     length: np.ndarray  # (nz,) of the steps
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def course_of(grid):
     """`Course` of any ordinate, to be filled by `set_out`."""
     nz = grid.shape[0]
@@ -48,7 +44,7 @@ def course_of(grid):
     return Course(np.empty((3, 3), np.int64), np.empty(3, np.int64), offset, weight, length)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def set_out(q, grid, course, against):
     """Fill a `Course`: downstream, or ``against`` the light."""
     upstream(q, grid, course.offset, course.weight, course.length)
@@ -62,7 +58,7 @@ def set_out(q, grid, course, against):
         course.way[a, 2] = 1 if forward else -1
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def upstream(q, grid, offset, weight, length):
     """Of each level the flat offsets and weights (nz, 4) of the upstream corners, and the steps' lengths (nz,).
 
@@ -92,7 +88,7 @@ def upstream(q, grid, offset, weight, length):
             weight[k, m], offset[k, m] = 0.0, offset[k, 0]
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def step_of(course, k):
     """Of a level's steps: shares of and offsets to their upstream corners, and their length; whether the first corner
     lies in the node's own row."""
@@ -102,13 +98,13 @@ def step_of(course, k):
     return (share, to, length[k]), abs(to[0]) == 1
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def without_first(step):
     share, to, ds = step
     return (0.0, share[1], share[2], share[3]), to, ds
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def between(field, p, step, some):
     """A field at the points upstream of nodes from p on."""
     share, to, _ = step
@@ -117,12 +113,12 @@ def between(field, p, step, some):
     return (a + b) + (c + d)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def add(field, p, more, some):
     write(field, p, read(field, p, some) + more, some)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def pair_at(field, place, some, pair):
     """Of two corners of which the second lies ``apart`` nodes from the first: what comes to where first corners are,
     from a row that begins at LANES and has zeros around it."""
@@ -130,7 +126,7 @@ def pair_at(field, place, some, pair):
     return one * read(field, place, some) + two * read(field, place - apart, some)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def pairs_of(step):
     """Of the upstream corners 0 and 1, and 2 and 3: (both shares, how far apart); where they do not lie side by side in
     a row, 0."""
@@ -139,13 +135,13 @@ def pairs_of(step):
     return (share[0], share[1], one if abs(one) == 1 else 0), (share[2], share[3], two if abs(two) == 1 else 0)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def within(entry, nx):
     """The first of a row's columns, and how many, that are not where light enters."""
     return (1 if entry[2] == 0 else 0), (nx if entry[2] < 0 else nx - 1)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def highest_of(ground_node):
     """Of each row (ny,) the highest level on which its ground lies."""
     out = np.zeros(ground_node.shape[0], np.int64)

@@ -13,18 +13,15 @@ A ray is gone along three times: places one after the other, then eight steps at
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import CONTRACTED, kernel, part
 from openswim.transport.engine.lanes import LANES, read, write
 from openswim.transport.linear.cell import beam_of, less_between, peak, peak_slope, step_weights
 from openswim.transport.march.forward_peak import peak_row
-
-FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
-PART: dict[str, Any] = {**FLAGS, "_nrt": False, "forceinline": True}  # of a kernel: nothing counts its arrays
 
 
 class Sent(NamedTuple):
@@ -96,7 +93,7 @@ def channels(*shape: int) -> NDArray[np.float64]:
     return raw[first : first + size].reshape(whole)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def along_of(first, channels):
     """`Along` for the longest of rays."""
     most = 1
@@ -109,13 +106,13 @@ def along_of(first, channels):
     return Along(value, node, np.zeros((most, 8)), np.zeros((most, 3)), a, b, c, d, e, f, g, h, i, j)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def aim_of(table):
     """`Aim`, to be filled by `take_aim`."""
     return Aim(np.empty((table.shape[0], table.shape[2])), np.empty(table.shape[0]))
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def take_aim(cosine, share, matter, aim):
     """Fill an `Aim`; where the forward peak does not broaden, with its first depth alone."""
     row, once = aim
@@ -133,13 +130,13 @@ def take_aim(cosine, share, matter, aim):
         once[kind] = total
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def corner(node, n, shape):
     """The n-th of the eight nodes of which ``node`` is the lowest."""
     return node + (n & 1) + (n >> 1 & 1) * shape[2] + (n >> 2) * shape[1] * shape[2]
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def look(z, y, x, m, shape, along):
     """Of place m, at fractional indices, the nodes around and their weights; its level, and how far above it lies."""
     k, j, i = int(z), int(y), int(x)
@@ -155,7 +152,7 @@ def look(z, y, x, m, shape, along):
     return k, c
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def fetch(fields, m, shape, along, out):
     """Channels (channels,) at place m, into row m of ``out``."""
     node, weight, width = along.node[m], along.weight, fields.shape[1]
@@ -166,14 +163,14 @@ def fetch(fields, m, shape, along, out):
         write(out, m * width + c, found, None)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def bent_by(bends, m, along):
     """By how much the depth to the sun bends at place m."""
     node, inside = along.node[m], along.inside
     return inside[m, 0] * bends[node, 0] + inside[m, 1] * bends[node, 1] + inside[m, 2] * bends[node, 2]
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def dims(value, m, scaled):
     total = 0.0
     for s in range(scaled.shape[0]):
@@ -181,7 +178,7 @@ def dims(value, m, scaled):
     return total
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def phase_of(s, share, depth, forward, aim):
     """What kind s scatters of the beam toward the eye, per its extinction."""
     if share > 0.0 and forward[s] > 0.0:
@@ -189,7 +186,7 @@ def phase_of(s, share, depth, forward, aim):
     return aim.once[s]
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def go_along(n, rays, matter, between, aim, along):
     """What lies at the places of ray n: all of `Along` but for its steps. How many they are."""
     shape, gas, scaled, forward = matter.shape, matter.gas, matter.scaled, matter.forward
@@ -216,7 +213,7 @@ def go_along(n, rays, matter, between, aim, along):
     return count
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def step_ends(m, along):
     """Of eight steps from place m on, at either end: scattering of a beam of 1, the beam, what is emitted; and by how
     much less than that is in between."""
@@ -228,7 +225,7 @@ def step_ends(m, along):
     return single0, single, beam0, beam, one, two
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _take_steps(count, along):
     """What steps let through and emit."""
     for m in range(0, count - 1, LANES):
@@ -240,7 +237,7 @@ def _take_steps(count, along):
         write(along.told, m + 1, near * one + far * two, None)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def at_end(value, m, shape, along):
     """Bilinear value (columns,) where a ray ends at place m."""
     total, columns = 0.0, shape[1] * shape[2]
@@ -249,7 +246,7 @@ def at_end(value, m, shape, along):
     return total
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _come_out(count, along):
     """What comes out of the grid, and what of light behind it does."""
     light, trans = 0.0, 1.0
@@ -259,7 +256,7 @@ def _come_out(count, along):
     return light, trans
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def march(t, threads, rays, matter, between, out):
     """Radiance (n,) of rays."""
     aim, along = aim_of(matter.table), along_of(rays.first, between.fields.shape[1])

@@ -8,13 +8,11 @@ depend on threads.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import CONTRACTED, kernel, part
 from openswim.transport.engine.lanes import LANES, read, write
 from openswim.transport.linear.cell import less_between, step_slopes, step_weights
 from openswim.transport.linear.march import (
-    FLAGS,
-    PART,
     aim_of,
     along_of,
     at_end,
@@ -47,14 +45,14 @@ class Slopes(NamedTuple):
     before: np.ndarray  # transmission from the eye to the step
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def _slopes_of(room):
     a, b, c, d, e = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room)
     f, g, h, i, j = np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room), np.zeros(room)
     return Slopes(a, b, c, d, e, f, g, h, i, j)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _change_along(count, share, matter, d_between, aim, along, d_value):
     """Changes of what comes out of the grid, and of what it lets through; what it does let through. Into d_value (m,
     channels) the changes at places."""
@@ -89,7 +87,7 @@ def _change_along(count, share, matter, d_between, aim, along, d_value):
     return d_light, d_trans, trans
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def march_tangent(t, threads, rays, matter, between, d_between, d_ground, out):
     """Change (n,) of `march`'s radiance with changes of what there is between nodes, and of the ground."""
     aim, along = aim_of(matter.table), along_of(rays.first, between.fields.shape[1])
@@ -106,7 +104,7 @@ def march_tangent(t, threads, rays, matter, between, d_between, d_ground, out):
         out[n] = rays.dim[n] * d_light
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _take_slopes(count, along, slopes):
     """All of `Slopes`, and what steps let through and emit; what comes through all of them."""
     for m in range(0, count - 1, LANES):
@@ -135,7 +133,7 @@ def _take_slopes(count, along, slopes):
     return trans
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _walk_back(count, share, light_bar, trans_bar, matter, aim, along, slopes):
     """In place of what there is at places its bars."""
     scaled, forward, value, kinds = matter.scaled, matter.forward, along.value, matter.scaled.shape[0]
@@ -168,7 +166,7 @@ def _walk_back(count, share, light_bar, trans_bar, matter, aim, along, slopes):
         ext_bar, fwd_bar = ext0_bar, fwd0_bar
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _scatter(count, shape, along, own, own_bends):
     """Add bars at places to those of the nodes around and of their cells."""
     value, weight, width = along.value, along.weight, own.shape[1]
@@ -182,7 +180,7 @@ def _scatter(count, shape, along, own, own_bends):
                 write(own, p, read(own, p, None) + weight[m, n] * bar, None)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def march_transposed(t, threads, rays, matter, between, bar, between_bar, ground_bar):
     """Transpose of `march_tangent`: bar (n,) added to between_bar, of which each team has its own (TEAMS, nodes, ...),
     and ground_bar (TEAMS, columns)."""

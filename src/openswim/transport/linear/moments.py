@@ -3,25 +3,24 @@
 Nodes are gone through in blocks that stay in a core's cache. Ordinates are added in their order, whoever adds them.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import CONTRACTED, kernel, part
 from openswim.transport.engine.lanes import LANES, read, write
 from openswim.transport.engine.scalar import harmonics
 
 F64 = NDArray[np.float64]
 
-_FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
 _BLOCK = 64  # nodes, whose rows stay in a core's nearest cache
 _STRETCH = 512  # nodes that are gathered at a time: far rows are read and written along such stretches
 _SMALL = 128  # nodes: a product so small that the library for it takes one thread, and adds in one order
 _GROUP = 32 * _SMALL  # of nodes, that a thread takes at a time and that stays in a core's cache
 
 
-@njit(**_FLAGS, _nrt=False, forceinline=True)
+@part(CONTRACTED, inlined=True)
 def _four(shares, first, last, near, at, out, p, one, two):
     """Add to four rows of ``out``, from the first on, what comes to 2 LANES nodes from p on; beyond the last row that
     is meant. near (m, block): the nodes' own, from its column ``at`` on; one, two: how many of either LANES are."""
@@ -47,7 +46,7 @@ def _four(shares, first, last, near, at, out, p, one, two):
     write(out, o3 + second, b3, two)
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def gather(t, threads, shares, rows, out):
     """out (n, nodes) += shares (n, m) @ rows (m, nodes or more)."""
     nodes, last = out.shape[1], shares.shape[0] - 1
@@ -77,7 +76,7 @@ def emit(t: int, threads: int, of_ordinates: F64, moments: F64, out: F64) -> Non
         into[:, whole:] = of_ordinates @ rows[:, whole:]
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def scatter(t, threads, ell, sun, lit, scattering, moments, out):
     """out (K, nz, columns): what nodes scatter, (moments + sun lit) scattering[ell]; sun (K, columns), lit (nz,
     columns), scattering (M, nz, columns)."""
@@ -88,7 +87,7 @@ def scatter(t, threads, ell, sun, lit, scattering, moments, out):
                 out[n, k, p] = (moments[n, k, p] + sun[n, p] * lit[k, p]) * share[k, p]
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def scatter_transposed(t, threads, ell, sun, lit, scattering, moments, bar, scattering_bar, lit_bar):
     """Transpose of `scatter` by all that it is given: bar of what it makes becomes that of its moments, the others are
     added to."""
@@ -111,7 +110,7 @@ class Taken(NamedTuple):
     by_seen: np.ndarray
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def around(t, threads, taken, seen, d_seen, d_taken, out):
     """out (K, nodes): change of what is scattered around nodes, from those of what is ``seen`` at them (K, nodes) and
     of what steps take of the mean radiance (nodes,)."""
@@ -128,7 +127,7 @@ def around(t, threads, taken, seen, d_seen, d_taken, out):
                 out[k, n] = d_seen[k, n] * ratio[n] + seen[k, n] * own[i]
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def around_transposed(t, threads, taken, seen, bar, seen_bar, taken_bar):
     """Transpose of `around`: seen_bar (K, nodes) is added to; taken_bar (nodes,)."""
     ratio, by_taken, by_seen = taken
@@ -158,7 +157,7 @@ class Eye(NamedTuple):
     parallel: bool  # the direction of its rays
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def _way(p, eye):
     """Unit vector from an eye to a node, in its column's axes."""
     shape, levels, axes, foot, place, parallel = eye
@@ -178,7 +177,7 @@ def _way(p, eye):
     return a, b, up[0] * x + up[1] * y + up[2] * z
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def ways_to(t, threads, eye, out):
     """Harmonics (K, nodes) of the ways from an eye to the nodes."""
     found = np.empty(out.shape[0])
@@ -189,7 +188,7 @@ def ways_to(t, threads, eye, out):
             out[n, p] = found[n]
 
 
-@njit(**_FLAGS, _nrt=False, forceinline=True)
+@part(CONTRACTED, inlined=True)
 def _sum_some(p, i, some, ell, ways, seen, total):
     """Into total[ell, i:] the sums over m at nodes from p on."""
     nodes = ways.shape[1]
@@ -199,7 +198,7 @@ def _sum_some(p, i, some, ell, ways, seen, total):
     write(total, ell * _BLOCK + i, found, None)
 
 
-@njit(**_FLAGS, _nrt=False, forceinline=True)
+@part(CONTRACTED, inlined=True)
 def _share_some(p, i, some, ell, ways, total, seen_bar):
     """Transpose of `_sum_some`."""
     nodes, found = ways.shape[1], read(total, ell * _BLOCK + i, None)
@@ -208,7 +207,7 @@ def _share_some(p, i, some, ell, ways, total, seen_bar):
         write(seen_bar, at, read(seen_bar, at, some) + found * read(ways, at, some), some)
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def toward(t, threads, ways, low, seen, fields):
     """What each kind of matter scatters toward an eye of the light at nodes, per its extinction, into fields[:, kinds:
     2 kinds]: sum_l low[kind, l] sum_m ways[lm] seen[lm]; ways, seen (K, nodes)."""
@@ -230,7 +229,7 @@ def toward(t, threads, ways, low, seen, fields):
                 fields[first + i, kinds + kind] = found
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def toward_transposed(t, threads, ways, low, bar, seen_bar):
     """Transpose of `toward`: bar (nodes, channels) of the fields, added to seen_bar (K, nodes)."""
     kinds, degree = low.shape

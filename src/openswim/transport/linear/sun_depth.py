@@ -11,21 +11,20 @@ kept at its lowest node; nodes at the upper ends of rows have none.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.beam.within_cells import ASIDE
+from openswim.transport.engine.compiled import CONTRACTED, kernel, part
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.linear.cell import bend, bend_slopes
-from openswim.transport.linear.march import PART, corner
+from openswim.transport.linear.march import corner
 from openswim.transport.linear.world import World
 
 F64 = NDArray[np.float64]
 
-_FLAGS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True, "fastmath": {"contract"}}
 TEAMS = 4  # of rows that add to bars of their own, so that sums do not depend on threads
 
 
@@ -38,7 +37,7 @@ class Geometry(NamedTuple):
     cell_m: np.ndarray
 
 
-@njit(**_FLAGS, forceinline=True)
+@part(CONTRACTED, inlined=True)
 def _around(k, part, y, x, ds, shape, first, node, length):
     """Fill nodes, from ``first`` on, and shares of a length around a place ``part`` of the way from level k up; the
     first that is left."""
@@ -55,7 +54,7 @@ def _around(k, part, y, x, ds, shape, first, node, length):
     return first + count
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def _way(k, j, i, grid, place):
     """Places of the ray from a node to the sun: (layer, part of it, row, column, length that it stands for); their
     number."""
@@ -88,7 +87,7 @@ def _way(k, j, i, grid, place):
     return count + 1
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def _lengths(k, j, i, grid, place, node, length):
     """Nodes, each once or several times, and the length of the way to the sun that each stands for; their number."""
     count, found = _way(k, j, i, grid, place), np.int64(0)
@@ -99,14 +98,14 @@ def _lengths(k, j, i, grid, place, node, length):
     return found
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def _scratch(shape):
     """Places of a way, and nodes and lengths around them."""
     most = shape[0] * 2 + 2 * (shape[1] + shape[2]) + 8
     return np.empty((most, 5)), np.empty(8 * most, np.int64), np.empty(8 * most)
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def sun_depth(t, threads, grid, both, out):
     """Depths (nodes, 2) to the sun of two fields per length, both (nodes, 2)."""
     shape = grid.shape
@@ -121,7 +120,7 @@ def sun_depth(t, threads, grid, both, out):
             out[row * shape[2] + i, 0], out[row * shape[2] + i, 1] = one, two
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def sun_depth_transposed(t, threads, grid, bar, both_bar):
     """Transpose of `sun_depth`: bar (nodes, 2) added to both_bar (TEAMS, nodes, 2)."""
     shape = grid.shape
@@ -139,7 +138,7 @@ def sun_depth_transposed(t, threads, grid, bar, both_bar):
                     own[node[n], 1] += length[n] * two
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _speed(k, j, i, grid, v):
     """The way to the sun, in cells per metre, into v (3,); its square."""
     v[0], v[1] = grid.sun[j, i, 0] / grid.cell_m[0], grid.sun[j, i, 1] / grid.cell_m[1]
@@ -147,7 +146,7 @@ def _speed(k, j, i, grid, v):
     return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _pick(node, shape, depth, ext, t, e):
     """Those of the corners, into t and e (8,); whether there is either."""
     some = 0.0
@@ -158,7 +157,7 @@ def _pick(node, shape, depth, ext, t, e):
     return some > 0.0
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _asked(axis, t, e, v, square):
     """Along an axis of a cell what `cell.bend` takes: (linear, mean, rises)."""
     one, own, mean, rises = 1 << axis, 0.0, 0.0, 0.0
@@ -175,7 +174,7 @@ def _asked(axis, t, e, v, square):
     return own * v[axis] / (2.0 * (v[axis] * v[axis] + ASIDE * square)), mean, rises
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def _bends(t, threads, grid, depth, ext, out):
     """out (nodes, 3) from depths and extinctions (nodes,)."""
     shape = grid.shape
@@ -191,7 +190,7 @@ def _bends(t, threads, grid, depth, ext, out):
                     out[node, axis] = bend(linear, mean, rises)
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def _bends_tangent(t, threads, grid, depth, ext, d_depth, d_ext, out):
     shape = grid.shape
     taus, betas, d_taus, d_betas, v = np.empty(8), np.empty(8), np.empty(8), np.empty(8), np.empty(3)
@@ -213,7 +212,7 @@ def _bends_tangent(t, threads, grid, depth, ext, d_depth, d_ext, out):
                     out[node, axis] = by_linear * d_linear + by_mean * d_mean + by_rises * d_rises
 
 
-@njit(**_FLAGS)
+@kernel(CONTRACTED)
 def _bends_transposed(t, threads, grid, depth, ext, bar, odd, depth_bar, ext_bar):
     """Added to bars (nodes,), by every other layer of cells: those between two of them share nodes with both."""
     shape = grid.shape

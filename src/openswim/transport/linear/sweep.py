@@ -11,14 +11,11 @@ two nodes of a row, light goes from node to node there: what is left of that of 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import CONTRACTED, kernel, part
 from openswim.transport.engine.lanes import LANES, read, write
 from openswim.transport.linear.cell import amendment, step_slopes, step_weights, trusted
 from openswim.transport.linear.course import (
-    FLAGS,
-    PART,
-    ROW,
     add,
     between,
     course_of,
@@ -48,7 +45,7 @@ class About(NamedTuple):
     d_ext: np.ndarray  # (nodes,)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _weigh_some(p, at, some, ext, step, own):
     near, up, width = read(ext, p, some), between(ext, p, step, some), own.shape[1]
     trans, of_near, of_far = step_weights(near, up, step[2])
@@ -58,7 +55,7 @@ def _weigh_some(p, at, some, ext, step, own):
     write(own, 3 * width + at, 0.5 / trusted(near, up, step[2]), some)
 
 
-@njit(**ROW)
+@part(CONTRACTED)
 def weigh_row(p, at, count, ext, step, own):
     """Into own[:, at:] what the steps to ``count`` nodes from p on have: what `step_weights` gives, and half of one
     over `trusted`."""
@@ -69,7 +66,7 @@ def weigh_row(p, at, count, ext, step, own):
         _weigh_some(p + count - s, at + count - s, s, ext, step, own)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def weigh(t, threads, grid, directions, ext, steps):
     """steps (b, 4, nodes) as `weigh_row` makes them; where light enters, nothing is told."""
     course = course_of(grid)
@@ -86,7 +83,7 @@ def weigh(t, threads, grid, directions, ext, steps):
                     weigh_row(p, p, count, ext, step, steps[n])
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _told(p, step, some, ext, out):
     """What comes from the upstream corners: light, and its product with the extinction there."""
     share, to, _ = step
@@ -99,7 +96,7 @@ def _told(p, step, some, ext, out):
     return (a + b) + (c + d), told
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _pass_some(p, at, some, ext, e, step, passing, own, out, about):
     width = own.shape[1]
     here = read(own, at, some) * between(out, p, passing, some) + read(own, width + at, some) * read(e, p, some)
@@ -115,7 +112,7 @@ def _pass_some(p, at, some, ext, e, step, passing, own, out, about):
     write(out, p, here, some)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _tell_some(p, at, i, some, ext, e, step, own, out, amended, told_row, about):
     ds, near, half = step[2], read(ext, p, some), read(own, 3 * own.shape[1] + at, some)
     up, told = _told(p, step, some, ext, out)
@@ -138,7 +135,7 @@ def _tell_some(p, at, i, some, ext, e, step, own, out, amended, told_row, about)
     write(told_row, LANES + i, more, some)
 
 
-@njit(**ROW)
+@part(CONTRACTED)
 def _tell_upstream(q, i, count, pair, told_row, amended):
     """What a row of steps tells to those of its corners that lie from q on."""
     for s in range(0, count - LANES + 1, LANES):
@@ -148,14 +145,14 @@ def _tell_upstream(q, i, count, pair, told_row, amended):
         add(amended, q + count - s, pair_at(told_row, LANES + i + count - s, s, pair), s)
 
 
-@njit(**ROW)
+@part(CONTRACTED)
 def _tell_corners(p, i, count, step, told_row, amended):
     share, to, _ = step
     for c in range(4):
         _tell_upstream(p + to[c], i, count, (share[c], 0.0, np.int64(0)), told_row, amended)
 
 
-@njit(**ROW)
+@part(CONTRACTED)
 def _carry_row(line, at, first, count, turn, beside, ext, e, step, own, out, amended, told_row, about):
     """Light at ``count`` nodes of a row from its ``first`` on, and what amends it. turn: +1 or -1, the light's way
     along the row; beside: whether it goes from node to node there."""
@@ -188,7 +185,7 @@ def _carry_row(line, at, first, count, turn, beside, ext, e, step, own, out, ame
             _tell_upstream(line + to[2], begin, nx, two, told_row, amended)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def carry(t, threads, grid, directions, ext, steps, sources, light, more, about):
     """light (b, nodes): radiance of ordinates; ext: scaled extinction, by which `weigh` has made ``steps``. Where there
     are none (0, 4, nodes) they are found row by row.

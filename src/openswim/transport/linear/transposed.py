@@ -6,14 +6,11 @@ It goes through the grid as `sweep.carry` does, backwards, and does at every nod
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import CONTRACTED, kernel, part
 from openswim.transport.engine.lanes import LANES, read, write
 from openswim.transport.linear.cell import amendment, step_slopes, trusted
 from openswim.transport.linear.course import (
-    FLAGS,
-    PART,
-    ROW,
     add,
     between,
     course_of,
@@ -45,14 +42,14 @@ class Lit(NamedTuple):
     ext_bar: np.ndarray
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _ask_some(p, at, i, some, ext, step, own, mb, rows):
     """What the amendments of steps are asked for, over what they are divided by."""
     more = read(mb, p, some) + between(mb, p, step, some)
     write(rows[0], LANES + i, more * read(own, 3 * own.shape[1] + at, some), some)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _first_some(p, at, i, some, ext, step, own, rows):
     """What amendments ask of the light at first corners, directly and by that at the nodes."""
     share, to, ds = step
@@ -62,7 +59,7 @@ def _first_some(p, at, i, some, ext, step, own, rows):
     write(rows[3], LANES + i, more * (rate - by_node - read(ext, p + to[0], some)), some)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _back_some(p, at, i, some, ext, step, own, bars, rows, of):
     """From the bars of light at nodes those of their sources and, where ``of`` is given, of their extinction; into
     ``rows`` what comes to corners by their light, sources and extinction."""
@@ -94,7 +91,7 @@ def _back_some(p, at, i, some, ext, step, own, bars, rows, of):
     write(to_ext, place, (t_f * up + n_f * source + f_f * e_up) * bar - taken * more, some)
 
 
-@njit(**PART)
+@part(CONTRACTED, inlined=True)
 def _give_some(q, i, some, ext, pair, with_light, bars, rows, of):
     """What comes to corners from q on of a row of steps."""
     lb, _, eb = bars
@@ -109,7 +106,7 @@ def _give_some(q, i, some, ext, pair, with_light, bars, rows, of):
         add(xb, q, pair_at(to_ext, place, some, pair) - read(out, q, some) * more, some)
 
 
-@njit(**ROW)
+@part(CONTRACTED)
 def _give(q, i, count, ext, pair, with_light, bars, rows, of):
     for s in range(0, count - LANES + 1, LANES):
         _give_some(q + s, i + s, None, ext, pair, with_light, bars, rows, of)
@@ -118,7 +115,7 @@ def _give(q, i, count, ext, pair, with_light, bars, rows, of):
         _give_some(q + count - s, i + count - s, s, ext, pair, with_light, bars, rows, of)
 
 
-@njit(**ROW)
+@part(CONTRACTED)
 def _give_corners(p, i, count, beside, ext, step, bars, rows, of):
     share, to, _ = step
     for c in range(4):
@@ -126,7 +123,7 @@ def _give_corners(p, i, count, beside, ext, step, bars, rows, of):
             _give(p + to[c], i, count, ext, (share[c], 0.0, np.int64(0)), not beside or c > 0, bars, rows, of)
 
 
-@njit(**ROW)
+@part(CONTRACTED)
 def _back_row(line, at, first, count, turn, beside, ext, step, own, bars, rows, of):
     """Transpose of `_carry_row`; turn: against the light."""
     p, rest = line + first, count % LANES
@@ -161,7 +158,7 @@ def _back_row(line, at, first, count, turn, beside, ext, step, own, bars, rows, 
             _give(line + to[2], begin, nx, ext, two, with_light, bars, rows, of)
 
 
-@njit(**FLAGS)
+@kernel(CONTRACTED)
 def carry_transposed(t, threads, grid, directions, ext, steps, bars, lit):
     """Transpose of `carry` by emission and ground, and, where ``lit`` is given, by extinction; ``steps`` as there."""
     shape, _, _, ground_node = grid

@@ -12,9 +12,9 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import (
     PACK,
     choose_above,
@@ -38,7 +38,6 @@ from openswim.transport.engine.types import FLOAT
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
 
 # The noise: nodes of its period, a power of two; domes in it, each way; its integers per standard deviation
@@ -139,7 +138,7 @@ def _eight(values: F64) -> F32:
     return np.pad(values, (0, OCTAVES - len(values))).astype(FLOAT)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def normal_share(x):
     """Share of a normal distribution below x, within 2e-4 (Page 1977, Appl. Stat. 26, 75)."""
     y = x * (FLOAT(1.5957691) + FLOAT(0.0713548) * x * x)
@@ -147,7 +146,7 @@ def normal_share(x):
     return (_ONE if y >= _ZERO else e) / (_ONE + e)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _quantile(share, table):
     n = table.shape[0] - 1
     t = min(max(share, _ZERO), _ONE) * FLOAT(n)
@@ -156,7 +155,7 @@ def _quantile(share, table):
     return low + (t - FLOAT(i)) * (flat(table, i + 1) - low)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def thickened(noise, edge, share, table):
     """Extinction over its mean where the noise is what it is. Its mean is 1 for normal noise of variance 1 - edge^2,
     for that of Phi((noise + q)/edge) is Phi(q). ``share``: the mean over `Detail.in_cloud`."""
@@ -164,25 +163,25 @@ def thickened(noise, edge, share, table):
     return normal_share((noise + q) / edge) / normal_share(q)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def sunward(slope, depth):
     """Factor on the beam: more where cloud thins toward the sun, the more, the thicker (``depth``) lumps are. Its mean
     is 1 at any noise, of which the slope is independent, and as often positive as negative."""
     return _ONE - _SHADING * depth / (_ONE + depth) * slope / math.sqrt(_ONE + slope * slope)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def lerp(a, b, share):
     """What lies between."""
     return a + share * (b - a)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _row(field, n, right, a):
     return lerp(flat(field, n), flat(field, n + right), a)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def scalar_at(field, ix, iy, level):
     """A field (nz, ny, nx) at fractional indices within it."""
     nz, ny, nx = field.shape
@@ -196,7 +195,7 @@ def scalar_at(field, ix, iy, level):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def place_octaves(detail, blur_m, x, y, z, dx, dy, dz, scratch):
     """Note where in the tile a place (metres along the grid's axes) is, and how far there it is to another, by the
     turn of every octave of which a blur leaves something."""
@@ -211,7 +210,7 @@ def place_octaves(detail, blur_m, x, y, z, dx, dy, dz, scratch):
             put(scratch, at + PACK, flat(turn, m) * dx + flat(turn, m + 1) * dy + flat(turn, m + 2) * dz)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def seen_octaves(detail, blur_m, scratch):
     """Note the weight that a blur leaves of every octave. Returns the standard deviation of what it does not."""
     blur = FLOAT(blur_m)
@@ -223,7 +222,7 @@ def seen_octaves(detail, blur_m, scratch):
     return FLOAT(math.sqrt(_ONE - sum_of(seen * seen)))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def noise_at(detail, share, scratch):
     """Noise, and the three parts of its slope toward the sun, at a share of the way between the places of
     `place_octaves`, by the weights of `seen_octaves`: a pack."""

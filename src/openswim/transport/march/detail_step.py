@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
-
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import PACK, flat, lane, largest, power_of_two, put, read, write
 from openswim.transport.engine.scalar import height_of_square_m, step_emission, transmission
 from openswim.transport.engine.types import FLOAT
@@ -25,7 +24,6 @@ from openswim.transport.march.cloud_detail import (
 from openswim.transport.march.state import Gathered
 from openswim.transport.march.walk import PLACE_LEVEL, PLACE_S, PLACE_X, PLACE_Y, RISE, SQUARE
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
 
 FAINT = 0.03  # transmission below which detail is not seen
@@ -56,7 +54,7 @@ class Step(NamedTuple):
     place: int
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _part_m(least_m, longer):
     """How long a part is: at most so many times as long as the least, by whole powers of two."""
     if longer < FLOAT(2.0):
@@ -64,7 +62,7 @@ def _part_m(least_m, longer):
     return 2.0 * least_m if longer < FLOAT(4.0) else 4.0 * least_m
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _part_ends(away_m, end_m, part_m, left):
     """Distance from the eye where a part ends that begins at another: at a multiple of its length, the same for all
     rays, or where the step ends. Else what noise lies between the places would make lines where steps begin."""
@@ -72,7 +70,7 @@ def _part_ends(away_m, end_m, part_m, left):
     return end_m if left < FLOAT(FAINT) or ends_m + 0.1 * part_m > end_m else ends_m
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def detailed_step(seen, near, far, step, walk, places, scratch, radius_m, cell_m, detail):
     """`Gathered` after a `Step`, in parts that are short while much is seen: from it before, and the `Sample` at both
     ends; ``walk``, ``places``: of the ray; ``cell_m`` (2,) of the grid.

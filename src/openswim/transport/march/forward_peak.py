@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.scene.phase import PhaseFunction
+from openswim.transport.engine.compiled import kernel
 from openswim.transport.engine.types import FLOAT
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def angles() -> Array:
     return np.pi * (1 + _BEND) * u**2 / (u + _BEND)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def peak_row(angle, count):
     """Fractional row of the forward peaks' tables, of ``count`` rows, at an angle: see `angles`."""
     half = angle / (2.0 * math.pi * (1.0 + _BEND))

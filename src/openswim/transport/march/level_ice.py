@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import PACK, read, write
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.state import SPECIES
@@ -19,7 +19,6 @@ from openswim.transport.march.state import SPECIES
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ONE = FLOAT(1.0)
 
 
@@ -46,7 +45,7 @@ def axes_at(place: F64, sun: F64, radius_m: float) -> F64:
     return np.stack([ahead, np.cross(up, ahead), up])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def map_place(dx, dy, dz, axes, shape):
     """Row and column of a map's bins before a direction, and the shares of the next."""
     ahead = dx * axes[0, 0] + dy * axes[0, 1] + dz * axes[0, 2]
@@ -59,7 +58,7 @@ def map_place(dx, dy, dz, axes, shape):
     return i, j, p - i, q - j
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def add_level_ice(dx, dy, dz, ice, constants):
     """Add to `Ray.constants` what level plates scatter beyond the mean of all orientations into a ray's direction."""
     i, j, down, left = map_place(dx, dy, dz, ice.axes, ice.table.shape)

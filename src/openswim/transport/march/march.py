@@ -11,9 +11,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads, njit
+from numba import get_num_threads
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import FINITE, kernel, part
 from openswim.transport.engine.pack import PACK, flat, largest, put, write
 from openswim.transport.engine.scalar import step_emission, table_index, transmission
 from openswim.transport.engine.threads import in_threads
@@ -68,7 +69,6 @@ from openswim.transport.march.walk import (
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 DARK = FLOAT(3e-5)  # transmission below which a ray has seen enough
 # Within 10 degrees of the sun ever less, for what is behind is ever brighter: its disc (L' = 2e5) would show through
 _PER_NEAR_SUN, _DARKEST = 1 / (1 - math.cos(math.radians(10.0))), FLOAT(1e-10)
@@ -89,7 +89,7 @@ class Marched(NamedTuple):
     samples: NDArray[np.int64]  # (n,)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _plain_step(seen, near, far, ds_m, ahead):
     """`Gathered` after a step of ``ds_m`` between two `Sample`s without detail; ``ahead``: depth of the forward peaks
     but for the far sample's.
@@ -113,7 +113,7 @@ def _plain_step(seen, near, far, ds_m, ahead):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _gather(lane, world, cone, species_depth):
     """Look at the places that a ray has walked to, and add up: radiance, transmission and the forward peaks' depth by
     `_plain_step` or `detailed_step`, and ``species_depth`` (ns,), by the trapezoidal rule over the reference extinction
@@ -181,7 +181,7 @@ def _gather(lane, world, cone, species_depth):
     return looked
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _finish(n, lane, out):
     """What ray ``n`` brings back."""
     w = lane.walk
@@ -194,7 +194,7 @@ def _finish(n, lane, out):
     out.samples[n] = int(w[SAMPLES])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _send(n, lane, rays, world, species_depth):
     """Begin ray ``n``."""
     sun, own = world.sun, lane.own
@@ -213,7 +213,7 @@ def _send(n, lane, rays, world, species_depth):
     begin(lane, species_depth)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
+@part(FINITE)
 def _march_share(t, threads, rays, world, lanes, out):
     """Part t's tiles of rays, see `march_rays`: every so-manieth, for sky and ground do not cost the same. Some walk in
     turn, for each step waits for the one before."""
@@ -320,7 +320,7 @@ def _by_neighbours(origin: F64, direction: F64) -> NDArray[np.int64]:
     return np.argsort(key, kind="stable")
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def ground_radiance(x, y, z, sx, sy, sz, shells, out):
     """L' of the Lambertian ground below the shells, lit by `ground_flux` at the local sun: 4 a E/E_TOA (Eq. 35)."""
     radius = shells.radius_m
@@ -334,7 +334,7 @@ def ground_radiance(x, y, z, sx, sy, sz, shells, out):
         out[w] = 4.0 * shells.ground_albedo[w] * flux
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@kernel(FINITE)
 def ground_radiance_rows(place, sun, shells):
     """`ground_radiance` (n, PACK) at places (n, 3) on the ground."""
     out = np.zeros((place.shape[0], PACK), FLOAT)

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
-
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import (
     PACK,
     choose_above,
@@ -31,7 +30,6 @@ from openswim.transport.march.forward_peak import peak_row
 from openswim.transport.march.state import AEROSOL, MOLECULES, SPECIES, Sample
 from openswim.transport.march.volume import AIR_DEGREE, DEGREE, SHELL_TABLE_PER_M, SUN_RADIUS_RAD
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
 _LEAST = FLOAT(1e-20)  # extinction by which to divide, 1/m
 
@@ -50,7 +48,7 @@ class Corners(NamedTuple):
     v11: Any
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def prepare_ray(cos_angle, table, phase, volume, constants, peak):
     """Fill in `Ray.constants` and `Ray.peak` of straight rays by the cosine of their angle to the sun. Returns
     `Ray.share`.
@@ -93,12 +91,12 @@ def prepare_ray(cos_angle, table, phase, volume, constants, peak):
     return share
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _lerp(a, b, share):
     return a + share * (b - a)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _four(array, n, corners):
     """Bilinear mean of four quadruple packs of an array, the first at flat element n."""
     right, up = corners.right, corners.up
@@ -106,14 +104,14 @@ def _four(array, n, corners):
     return low_row + (corners.v10 * read_quadruple(array, n + up) + corners.v11 * read_quadruple(array, n + up + right))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def sun_table_coordinate(mu, mu_horizon, count):
     """Fractional index on the sun axis of `Shells.slant`: square root of the cosine above the horizon."""
     t = math.sqrt(max(0.0, (mu - mu_horizon) / (1.0 - mu_horizon))) * (count - 1)
     return min(t, count - 1.000001)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _peak_place(depth, count):
     """Row and share of the next of a peak table at forward optical depths: axis depth/(1 + depth). As sums of few
     mixtures' these may come out below zero."""
@@ -124,20 +122,20 @@ def _peak_place(depth, count):
     return q, p - q
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _peak_at(peak, start, q, part):
     """A forward peak (depths, PACK) that begins at flat element ``start``."""
     return _lerp(read_lanes(peak, start, q), read_lanes(peak, start + PACK, q), part)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def turn_ray(dx, dy, dz, volume, constants):
     """Fill in the harmonics of the ray's direction behind what `prepare_ray` does, where sources are read by them."""
     if volume.turning.shape[0] > 0:
         harmonics(dx, dy, dz, DEGREE, constants[SPECIES + volume.species * PACK :])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _turned(node, corners, g, constants, volume):
     """The smooth source in the ray's direction between eight nodes, from flat element ``node`` on, ``g`` of the way to
     the level above: sum_lm Y_lm S_lm of those that have harmonics; of the others, toward the eye."""
@@ -162,7 +160,7 @@ def _turned(node, corners, g, constants, volume):
     return total
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def sample_grid(ix, iy, level, ray, ahead, half_step_m, volume, nodes):
     """`Sample` of a point of the grid, at fractional indices; its channels are left in ``nodes``. With B' the root of
     the beam and x_s the species' reference extinction, all trilinear between nodes,
@@ -251,14 +249,14 @@ def sample_grid(ix, iy, level, ray, ahead, half_step_m, volume, nodes):
     return Sample(extinction, forward, source, single, beam, air, cloud, _ZERO)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _towards(source, n, share):
     """Two packs of `Shells.source` that differ in azimuth, between a zenith angle and the next."""
     near = read_double(source, n)
     return near + share * (read_double(source, n + SOURCE_AZIMUTHS * PACK) - near)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
     """What diffuse light the shells scatter toward the eye, by the cosines of the zenith angle and of the azimuth."""
     x = (cos_angle - mu * mu_sun) / math.sqrt(max(1e-12, (1.0 - mu * mu) * (1.0 - mu_sun * mu_sun)))
@@ -282,7 +280,7 @@ def _diffuse_source(mu, mu_sun, cos_angle, level, share, shells):
     return low(both) + b * (high(both) - low(both))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def air_at(h_m, shells):
     """`Shells.rows` at a height, and between which levels that is: the lower, and the share of the other."""
     above_m = max(h_m - shells.ground_m, 0.0)
@@ -294,7 +292,7 @@ def air_at(h_m, shells):
     return row, k, c
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def sample_air(mu, mu_sun, h_m, ray, ahead, half_step_m, shells):
     """`Sample` of a point of the shells, by the cosines of the zenith angles of the ray and of the sun, see
     `sample_grid`: beam = (the sun's disc over the horizon) e^-tau', tau' bilinear in level and root of the sun's

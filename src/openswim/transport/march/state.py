@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import PACK, flat, put, read, spread, write
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.cloud_detail import SCRATCH, Detail
@@ -20,7 +20,6 @@ from openswim.transport.march.walk import BATCH, PLACE, PLACE_LEVEL, WALK
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
 
 IN_TURN = 4  # rays that walk in turn
@@ -115,7 +114,7 @@ class Lanes(NamedTuple):
         return cls(own, walk, places, *blank_fields((3, parts, IN_TURN), widest), peak)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def lane_of(lanes, part, lane):
     """The memory of one lane."""
     return Lanes(
@@ -124,7 +123,7 @@ def lane_of(lanes, part, lane):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def begin(lane, species_depth):
     """A ray that has seen nothing."""
     for n in range(GATHERED):
@@ -135,7 +134,7 @@ def begin(lane, species_depth):
         species_depth[n] = _ZERO
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def gathered(lane):
     """`Gathered` of a ray, and `Sample` where it stands."""
     got, n = lane.gathered, _SAMPLE
@@ -146,7 +145,7 @@ def gathered(lane):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def keep(lane, seen, sample):
     """Keep what `gathered` reads."""
     got, n = lane.gathered, _SAMPLE

@@ -6,9 +6,9 @@ import math
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import PACK, flat
 from openswim.transport.engine.scalar import height_m
 from openswim.transport.engine.types import BYTES, FLOAT
@@ -16,7 +16,6 @@ from openswim.transport.engine.types import BYTES, FLOAT
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 SHELL_TABLE_PER_M = 0.01  # the level tables have an entry every 100 m
 SUN_RADIUS_RAD = 0.00465
 DEGREE = 5  # truncation order M of the smooth field
@@ -144,7 +143,7 @@ def tidy(world: _Tuple) -> _Tuple:
     return world._make(one(value) for value in world)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def grid_index(x, y, z, radius_m, volume):
     """Fractional (ix, iy) of a point by the equal-area chart; far outside the domain, a large negative pair."""
     depth = radius_m + z
@@ -170,14 +169,14 @@ def grid_index(x, y, z, radius_m, volume):
     return ix, iy
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def inside_grid(ix, iy, volume):
     """Whether fractional indices lie in the domain."""
     ny, nx = volume.terrain_m.shape
     return volume.periodic or (ix >= 0.0 and iy >= 0.0 and ix <= nx - 1.0 and iy <= ny - 1.0)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def terrain_height_m(ix, iy, ground_m, volume):
     """Height of the ground at a place of the grid, or of the base of the shells outside it."""
     if volume.periodic or not inside_grid(ix, iy, volume):
@@ -191,14 +190,14 @@ def terrain_height_m(ix, iy, ground_m, volume):
     return (field[j, i] * (1 - a) + field[j, i1] * a) * (1 - b) + (field[j1, i] * (1 - a) + field[j1, i1] * a) * b
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def above_ground_m(x, y, z, radius_m, ground_m, volume):
     """Height of a point over the terrain, or over the base of the shells outside the grid."""
     ix, iy = grid_index(x, y, z, radius_m, volume)
     return height_m(x, y, z, radius_m) - terrain_height_m(ix, iy, ground_m, volume)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def sphere_crossings(square, rise, height, radius_m):
     """Where along a ray (R + h)^2 - R^2 = square + s (2 rise + s) is that of ``height``: (first, last) s, or FAR_M."""
     target = height * (2.0 * radius_m + height)
@@ -213,7 +212,7 @@ def sphere_crossings(square, rise, height, radius_m):
     return under / (root - rise), root - rise
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def way_through(ox, oy, oz, dx, dy, dz, square, rise, radius_m, volume):
     """Between which distances a ray is in the grid, or rather in the cone over its sides below its top: (enter, leave),
     both FAR_M where it never is."""

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import expect, flat, put
 from openswim.transport.engine.scalar import height_m, height_of_square_m, level_at
 from openswim.transport.march.empty_space import STEEP_CELLS
@@ -27,7 +26,6 @@ from openswim.transport.march.volume import (
     way_through,
 )
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _CHART_ERROR = 0.01  # of a cell, that a segment of a ray may lie off its chord in the grid's indices
 _CLOUD_STEP = 0.75  # of a cell, that a step in cloud is long
 _LEAST_STEP = 0.25  # or at least one near the ground
@@ -45,7 +43,7 @@ ENDED, STOP, WALK = range(36, 39)
 GOING, GONE, HIT = 0.0, 1.0, 2.0
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def start_walk(w, origin_m, direction, end, shells, volume):
     """Begin a walk at an eye, or where its ray meets the top of the shells. The ground is at distance ``end``, or,
     where that is negative, is yet to be met, and the ray stops at -``end`` if it is not."""
@@ -79,7 +77,7 @@ def start_walk(w, origin_m, direction, end, shells, volume):
     w[TURNING], w[END] = 0.0, -1.0
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _next_leg(w, shells, volume):
     """Where a step ends that may pass the end of its leg. A ray that passes the grid's faces looks there twice."""
     s, step = w[S], w[STEP]
@@ -114,7 +112,7 @@ def _next_leg(w, shells, volume):
     return t
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _next_segment(w, s, t, radius, volume):
     """Fit height and indices between the end of the last segment and somewhere beyond ``t``."""
     ox, oy, oz, dx, dy, dz, square, rise = w[OX], w[OY], w[OZ], w[DX], w[DY], w[DZ], w[SQUARE], w[RISE]
@@ -141,7 +139,7 @@ def _next_segment(w, s, t, radius, volume):
     w[ACROSS] = across / math.sqrt(max(1.0 - mu * mu, 1e-12))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _meet_terrain(w, s, step, radius_m, ground_m, volume):
     """The part of a step that ends below ground after which the ray meets it."""
     least, most = 0.0, step
@@ -158,7 +156,7 @@ def _meet_terrain(w, s, step, radius_m, ground_m, volume):
     return max(least, 1e-3)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _air_step_m(above_m, per_cosine, shells):
     """A step in air: part of its scale height, at most part of its depth; in vacuum as far as may be."""
     reach_m = flat(shells.reach_table, min(int(above_m * SHELL_TABLE_PER_M), shells.reach_table.shape[0] - 1))
@@ -166,7 +164,7 @@ def _air_step_m(above_m, per_cosine, shells):
     return min((200.0 + 0.1 * above_m) * min(per_cosine, 67.0), reach_m) if reach_m < FAR_M else FAR_M
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _expect(node, up, above, fields):
     """Have the memory send what `sample_grid` will read about a node, a batch of places later."""
     channels = fields.shape[3]
@@ -175,14 +173,14 @@ def _expect(node, up, above, fields):
         expect(fields, (node + corner + 1) * channels)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _cells_free(cubes, node, octant):
     """Edge of the largest free cube ahead of the cell at flat element ``node`` of `free_cubes`, 0 where it is full."""
     found = (int(flat(cubes, node)) >> octant) & 0x01010101
     return (1 << ((found * 0x01010101 >> 24) & 7)) >> 1
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def walk_on(w, places, shells, volume, highest_m, scale):
     """Take the step that is due, note the place, and say how far the next step goes."""
     s = w[S]

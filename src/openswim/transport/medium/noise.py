@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import kernel
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 
@@ -20,7 +20,7 @@ _CUMULUS_M, _MESOSCALE_M = 4000.0, 32_000.0
 _EDDIES, _CARRIED, _STEPS = (4.0, 8.0), 0.07, 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _uniform(i, j, k, salt):
     """A number within -.5 to .5 for a node of the lattice."""
     h = (i * 73856093) ^ (j * 19349663) ^ (k * 83492791) ^ (salt * 2654435761)
@@ -31,7 +31,7 @@ def _uniform(i, j, k, salt):
     return (h & 0xFFFFFF) / 16777216.0 - 0.5
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _splines(x, weight, slope):
     """Quadratic B-splines (3,) of the lattice around ``x``, and their slopes; returns the first of its nodes."""
     first = int(np.floor(x - 0.5))
@@ -41,7 +41,7 @@ def _splines(x, weight, slope):
     return first
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def _lattice(t, threads, place, salt, out):
     """B-splines over numbers on the integer lattice, thread t's share; place (n, 3), out (n,)."""
     w, unused = np.empty((3, 3)), np.empty(3)
@@ -59,7 +59,7 @@ def _lattice(t, threads, place, salt, out):
         out[n] = total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def _carry(t, threads, place, turns, widths, salts, way, out):
     """Places (n, 3) carried along the ground by eddies, whose stream functions are such lattices, by so much ``way``
     in their widths; each has axes of its own, ``turns`` (eddies, 3, 3)."""

@@ -6,12 +6,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.optics.cover import LEAST_COVER
 from openswim.optics.matter import Matter
 from openswim.optics.species import OpticalSpecies
+from openswim.transport.engine.compiled import kernel
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.medium.chart import chart_of, columns_on
@@ -23,7 +23,7 @@ from openswim.transport.medium.surface import Surface
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def _spread(t, threads, values, heights, levels, out):
     """Fields linear between heights (nz, ny, nx) on levels (n,) so that no column's sum changes: every level gets what
     lies around it, weighted by how near it is."""

@@ -6,12 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.lights.eclipses import MoonShadow
 from openswim.lights.moon import MOON_RADIUS_KM
 from openswim.lights.sun import SUN_RADIUS_KM
+from openswim.transport.engine.compiled import part
 
 F64 = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def covered_by(shadow: MoonShadow | None, wavelengths_nm: F64) -> Covered:
     return Covered(*bodies, 1000 * SUN_RADIUS_KM, 1000 * MOON_RADIUS_KM, shadow.table(wavelengths_nm))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def cover(x, y, z, moon, beam):
     """Take from a beam (nw,) at a place what the moon hides of the sun, as `MoonShadow.left` has it."""
     last = moon.left.shape[0] - 1

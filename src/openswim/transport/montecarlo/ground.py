@@ -6,12 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.ground import reflectance, spectra, water
 from openswim.ground.reflectance import LEAST_MU, balance
 from openswim.ground.sample import SurfaceSample
+from openswim.transport.engine.compiled import part
 from openswim.transport.montecarlo.phase import turned, uniform, unit_circle
 
 F64 = NDArray[np.float64]
@@ -19,7 +19,7 @@ F64 = NDArray[np.float64]
 _MIRRORED = 0.75  # of the ways on from water, by its waves
 _FOAM_ALBEDO, _LEAST_WET_MU = water.FOAM_ALBEDO, water.LEAST_MU
 
-_compiled = njit(cache=True, error_model="numpy", _nrt=False)
+_compiled = part()
 _land_shape, _snow_shape = _compiled(reflectance.land_shape), _compiled(reflectance.snow_shape)
 _cos_phase_angle = _compiled(reflectance.cos_phase_angle)
 _fresnel, _facing = _compiled(water.fresnel_reflectance), _compiled(water.facing)
@@ -52,7 +52,7 @@ def seen_ground(sample: SurfaceSample, wavelengths_nm: F64) -> Seen:
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def _norm(mu, table):
     x = (mu - LEAST_MU) / (1.0 - LEAST_MU) * (table.shape[0] - 1)
     x = min(max(x, 0.0), table.shape[0] - 1.000001)
@@ -60,7 +60,7 @@ def _norm(mu, table):
     return table[i] + (x - i) * (table[i + 1] - table[i])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def reflected(mu_in, mu_out, cos_angle, ray, seen, out):
     """Reflectance factor pi L / E (nw,) into ``out`` for light from ``mu_in`` to ``mu_out``.
 
@@ -94,13 +94,13 @@ def reflected(mu_in, mu_out, cos_angle, ray, seen, out):
         out[w] = (1.0 - wet) * factor * seen.albedo[ray, w] + wet * (glint + body)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def level_water(ray, seen):
     """Whether what is seen is water, which is level whatever the slope between the grid's nodes."""
     return not seen.lambertian and seen.water[ray] > 0.5
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def mirrored_share(toward_eye, ray, seen):
     """Of the ways on from the ground, those that waves are to mirror: none of slopes that turn away from the eye, to
     which `reflected` gives what a bounded angle has, and `mirrored_density` what theirs has."""
@@ -109,13 +109,13 @@ def mirrored_share(toward_eye, ray, seen):
     return _MIRRORED * seen.water[ray] * (1.0 - seen.foam[ray])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def mirrored_light(toward_eye, ray, seen):
     """About what water returns of light all around to an eye at a cosine; chances may hang on it."""
     return (1.0 - seen.foam[ray]) * seen.water[ray] * _fresnel(min(max(toward_eye, 0.1), 1.0))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def mirrored(ax, ay, az, nx, ny, nz, ray, seen, rng):
     """A direction into which a facet by chance, of waves on ground of normal n, mirrors what comes along a."""
     steep = -seen.variance[ray] * math.log(1.0 - uniform(rng))  # squared tangent (Cox and Munk 1954, isotropic)
@@ -125,7 +125,7 @@ def mirrored(ax, ay, az, nx, ny, nz, ray, seen, rng):
     return ax - twice * fx, ay - twice * fy, az - twice * fz
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
+@part()
 def mirrored_density(ax, ay, az, dx, dy, dz, nx, ny, nz, ray, seen):
     """Density of the directions d of `mirrored`, mean 1 over the sphere."""
     hx, hy, hz = dx - ax, dy - ay, dz - az

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import IN_ORDER, kernel, part
 from openswim.transport.montecarlo.path import Drawing, Sight, black, trace, work_space
 from openswim.transport.montecarlo.phase import start_stream, turned, uniform, unit_circle
 from openswim.transport.montecarlo.place import (
@@ -32,7 +32,6 @@ from openswim.transport.montecarlo.track import (
 )
 from openswim.transport.montecarlo.world import BLOCK
 
-_FLAGS = {"contract", "nsz", "arcp"}
 _RAYS = 8  # handed to a thread at a time
 _CELLS = 0.5  # of a cell between two points of the straight way's quadrature
 _AIR_RISE_M = 400.0
@@ -42,7 +41,7 @@ _GAUSS = 0.21132486540518708
 _WIDEST = 8  # blocks; of pixels, whose rays are moved on together
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def entry_m(ox, oy, oz, dx, dy, dz, world):
     """Distance to where a ray enters the world: 0 inside it, FAR if it never does."""
     square, rise, _, _, per_rise = ray_constants(ox, oy, oz, dx, dy, dz, world)
@@ -50,7 +49,7 @@ def entry_m(ox, oy, oz, dx, dy, dz, world):
     return 0.0 if h <= world.top_m else fall_m(b, here, world.top_m, per_rise, world)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(IN_ORDER)
 def scout(ox, oy, oz, dx, dy, dz, margin, world, depth, species_depth, beam, nodes, wanted, boost):
     """Follow a ray straight on: optical depths (nw,) and (ns,), and how much to stretch the air's collisions (layers,).
 
@@ -148,7 +147,7 @@ def scout(ox, oy, oz, dx, dy, dz, margin, world, depth, species_depth, beam, nod
     return cloud_m, ground_m
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def scout_kernel(t, threads, origin, direction, world, depth, species_depth, ground_m):
     """`scout` for thread t's of the rays (n, 3): depths (n, nw) and (n, ns), distance to the ground (n,) or -1."""
     n, layers = direction.shape[0], world.layer_majorant.shape[0]
@@ -164,7 +163,7 @@ def scout_kernel(t, threads, origin, direction, world, depth, species_depth, gro
             )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(IN_ORDER)
 def pixel_width(dx, dy, dz, across, along, world):
     """How far aside of a pixel's middle ray the others are, in blocks, and how far before it they may start (m).
 
@@ -181,7 +180,7 @@ def pixel_width(dx, dy, dz, across, along, world):
     return blocks if blocks <= _WIDEST else -1, half_z * abs(ahead)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def path_kernel(
     t, threads, origin, direction, across, along, seed, numbers, first, count, seen, aiming, world, phases, sums,
     squares,
@@ -237,7 +236,7 @@ def path_kernel(
                     squares[ray, w] += out[w] * out[w]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def flux_kernel(t, threads, place_m, up, seed, first, count, seen, aiming, world, phases, sums, squares):
     """Add ``count`` photons for each of thread t's places (n, 3) to sums (n, nw, 2): diffuse flux from the half-space
     about ``up`` (n, 3) and the unscattered sun's, over E_TOA."""

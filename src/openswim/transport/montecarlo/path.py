@@ -12,8 +12,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import IN_ORDER, kernel, part
 from openswim.transport.march.level_ice import map_place
 from openswim.transport.montecarlo.ground import (
     level_water,
@@ -27,7 +27,6 @@ from openswim.transport.montecarlo.phase import drawn_q, phase_place, turned, un
 from openswim.transport.montecarlo.place import air_place, diffuse_albedo, facet, upward
 from openswim.transport.montecarlo.track import CLOUD, ESCAPED, GROUND, NUDGE_M, fly, sunlight
 
-_FLAGS = {"contract", "nsz", "arcp"}
 STACK = 48  # split paths that wait
 LEAST_WORTH = 0.2  # of the path's first collision: below it chance decides whether a path goes on
 LEAST_GROUND = 0.4  # likewise, where it leaves the ground,
@@ -61,13 +60,13 @@ class Work(NamedTuple):
     stack: np.ndarray  # (STACK + 1, 7 + wavelengths): split paths that wait, and one that is kept
 
 
-@njit(cache=True)
+@kernel()
 def work_space(nw, ns):
     """`Work` for so many wavelengths and species."""
     return Work(np.zeros((6, nw)), np.zeros((ns + 2, nw)), np.zeros(ns), np.zeros((STACK + 1, 7 + max(nw, ns))))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def scatterers(event, h, world, shares, scattered, nodes):
     """Shares (ns + 2, nw) of the species, molecules and haze in what was scattered at an event."""
     nw, ns = scattered.shape[0], nodes.shape[0]
@@ -86,7 +85,7 @@ def scatterers(event, h, world, shares, scattered, nodes):
     return ns, ns + 2
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def mixed_phase(q, w, first, last, nw, shares, phases):
     """Phase function of the mixture at wavelength w."""
     i, f = phase_place(q, phases.q)
@@ -97,7 +96,7 @@ def mixed_phase(q, w, first, last, nw, shares, phases):
     return p
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def black(ix, iy, straight, ray, seen, world, out):
     """Whether ground at a place is known to reflect nothing; ``out`` (nw,) is work space."""
     nw = out.shape[0]
@@ -111,21 +110,21 @@ def black(ix, iy, straight, ray, seen, world, out):
     return most <= 0.0
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def off_sun(dx, dy, dz, world):
     """1 - cos of the angle between a direction and the sun's, without cancellation."""
     x, y, z = dx - world.sun[0], dy - world.sun[1], dz - world.sun[2]
     return 0.5 * (x * x + y * y + z * z)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def aimed(q, phases):
     """Density of directions aimed at the sun, mean 1 over the sphere."""
     i, f = phase_place(q, phases.q)
     return phases.aim[i] + f * (phases.aim[i + 1] - phases.aim[i])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes, rng, out):
     """Add the sun's light at a place, times ``weight`` and ``factor`` (nw,), to ``out``. Returns how much arrives.
 
@@ -149,7 +148,7 @@ def _add_sunlight(x, y, z, h, weight, factor, whole, world, beam, before, nodes,
     return most
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def trace(place, direction, sight, drawing, world, phases, work, rng, out):
     """Add one path's radiance to ``out`` (nw,); it begins at a place (x, y, z) in a direction (x, y, z)."""
     nw = out.shape[0]

@@ -12,10 +12,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.scene.phase import PhaseFunction
+from openswim.transport.engine.compiled import part
 
 F64 = NDArray[np.float64]
 
@@ -98,14 +98,14 @@ def _guide(chance: F64) -> NDArray[np.int16]:
     return np.clip(node, 0, len(chance) - 2).astype(np.int16)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part(inlined=True)
 def _mixed(z):
     z = (z ^ (z >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
     return z ^ (z >> _S31)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part(inlined=True)
 def start_stream(rng, seed, ray, path):
     """Begin the random numbers of one path, which follow from seed, ray and path alone (SplitMix64, Steele 2014)."""
     z = _mixed(np.uint64(seed) + _GAMMA)
@@ -113,14 +113,14 @@ def start_stream(rng, seed, ray, path):
     rng[0] = _mixed(z ^ (np.uint64(path) * _GAMMA + _MIX_2))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part(inlined=True)
 def uniform(rng):
     """A random number in [0, 1)."""
     rng[0] = rng[0] + _GAMMA
     return np.float64(_mixed(rng[0]) >> _S11) * 1.1102230246251565e-16
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part(inlined=True)
 def exponential(rng):
     """A random number with mean 1, density exp(-x), by the ziggurat (Marsaglia and Tsang 2000)."""
     while True:
@@ -136,7 +136,7 @@ def exponential(rng):
             return x
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part(inlined=True)
 def unit_circle(rng):
     """Cosine and sine of a random azimuth, by rejection."""
     while True:
@@ -150,7 +150,7 @@ def unit_circle(rng):
             return (x * x - y * y) * inverse, 2.0 * x * y * inverse
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part(inlined=True)
 def phase_place(q, nodes):
     """Node below q, and the share of the one above."""
     if q <= 1.0:
@@ -161,7 +161,7 @@ def phase_place(q, nodes):
     return i, min(max((q - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part(inlined=True)
 def drawn_q(u, nodes, value, chance, guide):
     """q of a random scattering angle, from a random number in [0, 1), and the phase function there."""
     i = int(guide[int(u * _GUIDES)])
@@ -175,7 +175,7 @@ def drawn_q(u, nodes, value, chance, guide):
     return nodes[i] + width * way, 2.0 * (p0 + way * (p1 - p0))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, forceinline=True)
+@part(inlined=True)
 def turned(dx, dy, dz, q, c, s):
     """Direction at 1 - cos = q from a unit vector, with cosine and sine (c, s) of the azimuth around it."""
     sine = math.sqrt(max(q * (2.0 - q), 0.0))

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from openswim.transport.engine.compiled import IN_ORDER, part
 from openswim.transport.engine.scalar import flat, height_of_square_m
 from openswim.transport.montecarlo.world import AIR_NODES, AIR_STEP_M
 
-_FLAGS = {"contract", "nsz", "arcp"}
 FAR = 1e30
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def chart_place(x, y, z, dx, dy, dz, world):
     """Fractional (ix, iy) of a point, and their change per metre along a direction; see `volume.grid_index`."""
     depth = world.radius_m + z
@@ -48,7 +46,7 @@ def chart_place(x, y, z, dx, dy, dz, world):
     return ix, iy, ux, uy
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def place(x, y, z, world):
     """Fractional (ix, iy) of a point."""
     if world.curved:
@@ -57,7 +55,7 @@ def place(x, y, z, world):
     return world.index_x0 + x * world.index_per_x, world.index_y0 + y * world.index_per_y
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def ray_constants(x, y, z, dx, dy, dz, world):
     """What is the same all along a ray: (r^2 - R^2, r mu) at its origin; in flat scenes metres per cell and per metre
     of height."""
@@ -71,7 +69,7 @@ def ray_constants(x, y, z, dx, dy, dz, world):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def on_ray(s, square, rise, world):
     """Height at a distance along a ray, and (r^2 - R^2, r mu); in flat scenes twice the height, and dz."""
     if world.curved:
@@ -81,13 +79,13 @@ def on_ray(s, square, rise, world):
     return h, h, rise
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def in_domain(ix, iy, world):
     ny, nx = world.terrain_m.shape
     return world.periodic or (ix >= 0.0 and iy >= 0.0 and ix <= nx - 1.0 and iy <= ny - 1.0)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def level_below(h, world):
     """Level under a height, clamped to the grid."""
     nz = world.levels_m.shape[0]
@@ -98,7 +96,7 @@ def level_below(h, world):
     return k
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def wrapped(ix, iy, world):
     """Indices within one period."""
     ny, nx = world.terrain_m.shape
@@ -108,7 +106,7 @@ def wrapped(ix, iy, world):
     return ix, iy
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def species_at(ix, iy, h, world, nodes):
     """Reference extinction of the species at a point of the grid into ``nodes``: trilinear. Returns their sum."""
     ny, nx = world.terrain_m.shape
@@ -142,7 +140,7 @@ def species_at(ix, iy, h, world, nodes):
     return total
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def air_place(h, world):
     """Row of the air's table under a height, and the share of the next."""
     x = min(max((h - world.ground_m) / AIR_STEP_M, 0.0), AIR_NODES - 1.000001)
@@ -150,7 +148,7 @@ def air_place(h, world):
     return i, x - i
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def ground_height_m(ix, iy, world):
     """Height of the ground at a place of the grid, or outside it; as `volume.terrain_height_m`."""
     if world.periodic or not in_domain(ix, iy, world):
@@ -164,13 +162,13 @@ def ground_height_m(ix, iy, world):
     return (t[j, i] * (1 - a) + t[j, i1] * a) * (1 - b) + (t[j1, i] * (1 - a) + t[j1, i1] * a) * b
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(IN_ORDER)
 def above_ground_m(x, y, z, h, world):
     ix, iy = place(x, y, z, world)
     return h - ground_height_m(ix, iy, world)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(IN_ORDER)
 def ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, low, high, world):
     """Distance between ``low`` (above ground) and ``high`` (not above) at which a ray meets the terrain, to a cm."""
     while high - low > 0.01:
@@ -183,7 +181,7 @@ def ground_crossing_m(ox, oy, oz, dx, dy, dz, square, rise, low, high, world):
     return low
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def upward(x, y, z, h, world):
     """Away from the Earth's centre at a place of height h."""
     if not world.curved:
@@ -192,7 +190,7 @@ def upward(x, y, z, h, world):
     return x / r, y / r, (world.radius_m + z) / r
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def facet(ix, iy, x, y, z, h, world):
     """Normal of the ground at a place: the terrain's, or the sphere's outside the grid."""
     if world.periodic or not world.gridded or not in_domain(ix, iy, world):
@@ -210,7 +208,7 @@ def facet(ix, iy, x, y, z, h, world):
     return px * scale, py * scale, pz * scale
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def diffuse_albedo(ix, iy, world, out):
     """Albedo (nw,) of the ground met by light that has been scattered: the grid's, or the domain's mean outside."""
     nw = out.shape[0]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from openswim.transport.engine.compiled import IN_ORDER, part
 from openswim.transport.engine.scalar import flat, shadow_fraction
 from openswim.transport.march.volume import SUN_RADIUS_RAD
 from openswim.transport.montecarlo.covered import cover
@@ -27,7 +27,6 @@ from openswim.transport.montecarlo.place import (
 )
 from openswim.transport.montecarlo.world import AIR_NODES, AIR_STEP_M, BLOCK, SUN_COSINES, SUN_HEIGHTS
 
-_FLAGS = {"contract", "nsz", "arcp"}
 NUDGE_M = 0.01  # past a face, so that no step ends on it; blocks reach a cell beyond their faces
 LEAST_BEAM = 0.25  # of a beam through cloud: below it chance decides whether it goes on
 ESCAPED, GROUND, CLOUD, AIR = 0, 1, 2, 3
@@ -35,7 +34,7 @@ FARTHEST_M = 1e8  # level rays in periodic scenes end somewhere
 _STRETCH = 4.0  # tentative collisions per wanted one where the air's are multiplied
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def fall_m(b, here, h, per_rise, world):
     """Distance down to height h, FAR where it is missed; ``here`` and b from `on_ray`."""
     if b >= 0.0:
@@ -49,7 +48,7 @@ def fall_m(b, here, h, per_rise, world):
     return c / (-b + math.sqrt(root))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def climb_m(b, here, h, per_rise, world):
     """Distance up to height h from below it."""
     if not world.curved:
@@ -59,7 +58,7 @@ def climb_m(b, here, h, per_rise, world):
     return c / (b + root) if b > 0.0 else root - b
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def _beside_m(ix, iy, per_x, per_y, world):
     """A step beside the domain that ends before it, or FAR where the ray never meets it."""
     ny, nx = world.terrain_m.shape
@@ -80,7 +79,7 @@ def _beside_m(ix, iy, per_x, per_y, world):
     return step
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def _face_m(x, per, block, free, cells):
     """Way to the face of the blocks around index x that are alike: ``free`` blocks either way; ``per``: m a cell."""
     if per >= FAR:  # along the face, and perhaps in it
@@ -90,7 +89,7 @@ def _face_m(x, per, block, free, cells):
     return (max((block - free) * BLOCK, 0) - x) * per
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def block_step(x, y, z, dx, dy, dz, h, here, b, per_x, per_y, per_rise, margin, world):
     """At a point of a ray: (way on within what is alike, majorant, ix, iy); see `ray_constants`, `on_ray`.
 
@@ -137,7 +136,7 @@ def block_step(x, y, z, dx, dy, dz, h, here, b, per_x, per_y, per_rise, margin, 
     return step, majorant * 1.0, ix, iy
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def layer_step(h, here, b, per_rise, world):
     """Way to the edge of the air's layer, and its index."""
     i, _ = air_place(h, world)
@@ -150,7 +149,7 @@ def layer_step(h, here, b, per_rise, world):
     return step, layer
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def terrain_step(step, b, h, world):
     """A step no longer than terrain can be followed with: half a cell where the ray may be among hills."""
     if h < world.high_m + 1.0 or b < 0.0:
@@ -161,7 +160,7 @@ def terrain_step(step, b, h, world):
     return step
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def collided(chance, majorant, nw, weight, total, scattered, taken, rng):
     """Whether a tentative collision scatters; weights are kept right. ``chance``: that it does."""
     if uniform(rng) < chance:
@@ -173,7 +172,7 @@ def collided(chance, majorant, nw, weight, total, scattered, taken, rng):
     return False
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def dimmed(beam, left, majorant, nodes, world, rng):
     """A beam keeps the share of its light that the majorant takes in excess: how much is ``left`` of it, times that.
 
@@ -198,7 +197,7 @@ def dimmed(beam, left, majorant, nodes, world, rng):
     return left
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nodes, world, rng):
     """Follow a photon from distance s of its ray to its next real event: (event, distance, height, ix, iy).
 
@@ -299,7 +298,7 @@ def fly(ox, oy, oz, dx, dy, dz, s, boosted, boost, weight, scattered, taken, nod
                 return AIR, s, h, ix, iy
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(IN_ORDER)
 def air_beam(x, y, z, h, world, beam):
     """Transmission of the air from a point to the sun into ``beam`` (nw,): 0, and false, in the Earth's shadow."""
     nw = beam.shape[0]
@@ -327,7 +326,7 @@ def air_beam(x, y, z, h, world, beam):
     return True
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(IN_ORDER, inlined=True)
 def sunlight(x, y, z, h, world, beam, nodes, rng):
     """Transmission from a point to the sun into ``beam`` (nw,); through cloud an unbiased estimate by ratio tracking.
 

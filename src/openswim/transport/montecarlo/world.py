@@ -7,12 +7,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.lights.eclipses import MoonShadow
 from openswim.optics.matter import Matter
 from openswim.optics.species import background
+from openswim.transport.engine.compiled import kernel
 from openswim.transport.engine.scalar import height_of_square_m
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.ground_light.fluxes import Lighting
@@ -257,7 +257,7 @@ def _air_table(matter: Matter, ground_m: float):
     return table, air.aerosol_phase, air.rayleigh_phase
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def _slant_depths(t, threads, extinction, ground_radius_m, out):
     """log of the slant depth to space of a profile (AIR_NODES, nw); axis sqrt of the cosine above the horizon.
 

@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from openswim.transport.engine.compiled import FINITE, part
 from openswim.transport.engine.pack import PACK, flat, low, put, read, read_quadruple, spread, write
 from openswim.transport.engine.scalar import share_of_step, step_emission, transmission
 from openswim.transport.engine.threads import in_threads
@@ -43,7 +43,6 @@ from openswim.transport.march.walk import (
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _HALF, _ONE = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0)
 _NOTHING = FLOAT(1e-12)
 DEPTH_OF_VIEW = FLOAT(2.0)  # l of Eq. 12
@@ -62,27 +61,27 @@ class NearSide(NamedTuple):
     samples: NDArray[np.int64]  # (n,)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _lit_step(near, far, extinction, extinction_far, ds_m):
     """What a step adds at its near end of sources ``near`` and ``far``, extinction and source linear along it (F9)."""
     depth = (_HALF * ds_m) * (extinction + extinction_far)
     return step_emission(depth, transmission(depth), ds_m, near, far, extinction, extinction_far)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _mean_depth(depth):
     """int x e^-x dx / int e^-x dx from 0 to ``depth``, by its series: within .3 % up to `DEPTH_OF_VIEW`."""
     return depth * (_HALF - depth * (FLOAT(1 / 12) - depth * depth * FLOAT(1 / 720)))
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _row(fields, at, right, share):
     """All channels between a node, from flat element ``at`` on, and the next in its row."""
     here = read_quadruple(fields, at)
     return here + share * (read_quadruple(fields, at + right) - here)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _transmittance(ix, iy, level, volume, nodes):
     """T of Eq. 6 at fractional indices, T_abs/(1 + B): the way to the sun of ``volume.fields``' B and of -ln T_abs is
     bent within the cell as `within_cells` has it, both by as much of themselves. ``nodes``: scratch."""
@@ -113,7 +112,7 @@ def _transmittance(ix, iy, level, volume, nodes):
     return transmission(share * read(nodes, 0)) / (_ONE + share * depth)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS, forceinline=True)
+@part(FINITE, inlined=True)
 def _between(near, far, share, count, periodic):
     """An index between two, the shorter way round where there is a period."""
     step = far - near
@@ -124,7 +123,7 @@ def _between(near, far, share, count, periodic):
     return near + share * step
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _follow(n, lane, world, out):
     """Ray ``n`` from `start_walk` on to its end. With extinction beta of air and cloud, x of all cloud alone, and the
     source S = omega beta E/E_TOA of Eq. 8, all but its T linear along a step,
@@ -204,7 +203,7 @@ def _follow(n, lane, world, out):
     out.samples[n] = int(w[SAMPLES])
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, nogil=True, fastmath=_FLAGS)
+@part(FINITE)
 def _near_side_share(t, threads, rays, world, lanes, out):
     """Part t's tiles of rays, every so-manieth."""
     lane = lane_of(lanes, t, 0)

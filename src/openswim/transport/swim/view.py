@@ -8,10 +8,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.beam.direct import shell_transmission
+from openswim.transport.engine.compiled import kernel
 from openswim.transport.ground_light.fluxes import ground_flux, sky_flux
 from openswim.transport.lit.lit_grid import LitGrid
 from openswim.transport.march.march import march_rays
@@ -113,7 +113,7 @@ def _up(place: F64, shells: Shells) -> F64:
     return np.asarray(up / np.linalg.norm(up, axis=-1, keepdims=True))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _air_transmission(height_m, mu, w, shells, out):
     for n in range(out.shape[0]):
         out[n] = shell_transmission(height_m[n], mu[n], w, shells)

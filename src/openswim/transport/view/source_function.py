@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from openswim.transport.diffuse.moments import Coarser, Moments, between, interpolated
 from openswim.transport.diffuse.ordinate_transform import BLOCK
+from openswim.transport.engine.compiled import FINITE, kernel, part
 from openswim.transport.engine.eye_ways import way_from_eye
 from openswim.transport.engine.pack import (
     LANES,
@@ -26,7 +26,6 @@ from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.empty_space import beside
 from openswim.transport.march.volume import DEGREE
 
-_FLAGS = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 _ZERO, _ONE = FLOAT(0.0), FLOAT(1.0)
 _ROOT_2 = FLOAT(2.0**0.5)
 _TINY = FLOAT(1e-30)
@@ -53,7 +52,7 @@ class FieldAt(NamedTuple):
         )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _geometry(j, i, height_m, eye, harmonics):
     """Of LANES nodes the harmonics (M^2, LANES) of the way from the eye."""
     x, y, z = way_from_eye(j, i, height_m, eye)
@@ -75,7 +74,7 @@ def _geometry(j, i, height_m, eye, harmonics):
         cosine, sine = cosine * x - sine * y, sine * x + cosine * y
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _coarse_row(place, values, k, j, factor, columns, row):
     """Moments of the coarser grid at the fine row j into ``row`` (M^2, 1 + columns + 1 or more), edges repeated."""
     m, share = between(j, factor, place.shape[1])
@@ -99,7 +98,7 @@ def _coarse_row(place, values, k, j, factor, columns, row):
         row[c, 0], row[c, columns + 1] = row[c, 1], row[c, columns]
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _moments(place, values, k, j, i, factor, columns, row, out):
     """Moments (M^2, LANES) at nodes i on, of the kept blocks or of the coarser grid's ``row``."""
     if i % LANES == 0 and place[k, j, i // BLOCK] >= 0:
@@ -122,7 +121,7 @@ def _moments(place, values, k, j, i, factor, columns, row, out):
                     out[c, lane] = _ZERO
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _amounts(node, count, nodes, extinction, stands_for, out):
     """Extinction of the species (ns, LANES) at the nodes that stand for ``count`` nodes from ``node`` on."""
     for s in range(extinction.shape[0]):
@@ -134,7 +133,7 @@ def _amounts(node, count, nodes, extinction, stands_for, out):
                 out[s, lane] = flat(extinction, s * nodes + other)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False, fastmath=_FLAGS)
+@part(FINITE)
 def _source_function(amounts, scaled, scattering, air_extinction, air_scattering, harmonics, moments):
     """Source per extinction of LANES nodes at one wavelength."""
     total, taken = spread_quadruple(_ZERO), spread_quadruple(air_extinction + _TINY)
@@ -151,7 +150,7 @@ def _source_function(amounts, scaled, scattering, air_extinction, air_scattering
     return total / taken
 
 
-@njit(cache=True, error_model="numpy", fastmath=_FLAGS)
+@kernel(FINITE)
 def _row(j, scatterers, stands_for, field, eye, count, part, fields):
     """The nodes of row j in a ``part`` of the grid, LANES at a time."""
     extinction, scaled, scattering = scatterers.extinction, scatterers.scaled, scatterers.scattering
@@ -191,7 +190,7 @@ def _row(j, scatterers, stands_for, field, eye, count, part, fields):
                     put(fields, place + w, flat(source, min(w, count - 1) * LANES + n))
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(FINITE)
 def view_source(t, threads, scatterers, stands_for, field, eye, count, part, fields):
     """Source of diffuse light toward one eye, per extinction, at every node of thread t's rows, into
     fields[..., PACK:2 PACK]: of the first ``count`` wavelengths, the last repeated,
@@ -209,7 +208,7 @@ def view_source(t, threads, scatterers, stands_for, field, eye, count, part, fie
         _row(j, scatterers, stands_for, field, eye, count, part, fields)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath=_FLAGS)
+@kernel(FINITE)
 def _thickest_rows(t, threads, total, near, periodic, out):
     """`thickest_around`; near (nz, ny): whether there is cloud on a row or those around it."""
     nz, ny, nx = total.shape
