@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -68,7 +69,7 @@ def test_kernels_of_a_room_that_is_imported_late_are_looked_at(tmp_path: Path) -
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", run], env=env, check=True, capture_output=True, text=True)
     room = Path(done.stdout.strip()).parent
-    with_kernels = {file.stem for file in room.glob("*.py") if "@njit(" in file.read_text()}
+    with_kernels = {file.stem for file in room.glob("*.py") if re.search("^@(kernel|part)", file.read_text(), re.M)}
     stamps = [stamp for stamp in tmp_path.rglob("openswim-sources.json") if stamp.parent.name.startswith("linear_")]
     assert {name for stamp in stamps for name in json.loads(stamp.read_text())} == with_kernels
     marches = [stamp for stamp in tmp_path.rglob("openswim-sources.json") if stamp.parent.name.startswith("march_")]

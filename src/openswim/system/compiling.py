@@ -26,7 +26,7 @@ _settings: Any = config
 _Kernel: Any = Dispatcher
 _MARK = b"openswim sha256 "  # before a digest, behind what was kept
 _DIGEST = hashlib.sha256().digest_size
-_KERNEL_S = 0.35  # CPU seconds to compile one of them, on the average of all
+_KERNEL_S = 0.35  # CPU seconds to compile one of them, on the average of all: 278 take 80 to 110
 
 
 @cache
@@ -127,7 +127,7 @@ class _FirstTime(event.Listener):
         event.unregister("numba:compile", self)
         missing = sum(not os.path.exists(kernel._cache._cache_file._index_path) for kernel in self._kernels)
         seconds = _KERNEL_S * missing
-        about = "a minute" if seconds > 45 else f"{max(5, 5 * round(seconds / 5))} s"
+        about = f"{round(seconds / 30) / 2:g} minutes" if seconds > 75 else f"{max(5, 5 * round(seconds / 5))} s"
         tell(f"note: kernels are compiled for this machine, once: at most about {about} on an idle core")
 
     def on_end(self, _: Any) -> None:
