@@ -63,6 +63,31 @@ def test_of_other_packages_kernels_nothing_is_said(tmp_path):
         assert ("kernels are compiled" in done.stderr) == said
 
 
+def test_kernels_are_counted_as_they_are_compiled(tmp_path):
+    """By whatever shows progress; what ours call of others' is none of them, and what is kept is not compiled."""
+    callers = "\n\n@njit(cache=True)\ndef more(x):\n    return twice(x) + len(str(x))\n"
+    (tmp_path / "kernels.py").write_text(KERNEL + callers)
+    watched = """
+import kernels, sys
+from openswim import progress
+from openswim.system.compiling import tell_first_time
+
+class Shown(progress.Quiet):
+    def start(self, label, total): print(label)
+    def advance(self, steps=1): print(steps)
+    def close(self): print("end")
+
+tell_first_time([kernels.twice, kernels.more])
+with progress.use(Shown()):
+    kernels.more(2)
+    kernels.twice(2.0)
+    kernels.more(3)
+"""
+    for said in ("kernels compiled\n0\n1\n1\nend\nkernels compiled\n2\n1\nend\n", ""):
+        done = subprocess.run([sys.executable, "-c", watched], cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert done.stdout == said
+
+
 def test_only_numba_unpickles(tmp_path):
     """So that who watches a process for files that bring programs with them sees none of ours."""
     (tmp_path / "kernels.py").write_text(KERNEL)

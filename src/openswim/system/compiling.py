@@ -9,7 +9,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Iterable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from numba.core.caching import IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 from numba.misc.appdirs import AppDirs
 
-from openswim.progress import tell
+from openswim.progress import Meter, Quiet, job, tell
 
 _settings: Any = config
 _Kernel: Any = Dispatcher
@@ -116,22 +116,38 @@ def heal(kernels: Iterable[Any]) -> None:
 
 
 class _FirstTime(event.Listener):
-    """Says that kernels are compiled when the first one is, and about how long it takes, by how many are not kept."""
+    """Says that kernels are compiled when the first one is, and about how long it takes, by how many are not kept; then
+    counts those that are done."""
 
     def __init__(self, kernels: Iterable[Any]) -> None:
-        self._kernels = list(kernels)
+        self._kernels = {id(kernel): kernel for kernel in kernels}
+        self._told, self._done = False, 0
+        self._within: list[bool] = []  # what is compiled, callers first: whether it is one of these kernels
+        self._shown = ExitStack()
+        self._meter: Meter = Quiet()
 
     def on_start(self, compiling: Any) -> None:
-        if not any(compiling.data["dispatcher"] is kernel for kernel in self._kernels):
-            return  # of another package, which may keep nothing and compile at every start
-        event.unregister("numba:compile", self)
-        missing = sum(not os.path.exists(kernel._cache._cache_file._index_path) for kernel in self._kernels)
+        own = id(compiling.data["dispatcher"]) in self._kernels  # others' may keep nothing and compile at every start
+        if own and not self._told:
+            self._tell()
+        if own and not any(self._within):
+            self._meter = self._shown.enter_context(job("kernels compiled"))
+            self._meter.advance(self._done)
+        self._within.append(own)
+
+    def on_end(self, _: Any) -> None:
+        if self._within.pop():
+            self._done += 1
+            self._meter.advance()
+        if not any(self._within):
+            self._shown.close()
+
+    def _tell(self) -> None:
+        self._told = True
+        missing = sum(not os.path.exists(kernel._cache._cache_file._index_path) for kernel in self._kernels.values())
         seconds = _KERNEL_S * missing
         about = f"{round(seconds / 30) / 2:g} minutes" if seconds > 75 else f"{max(5, 5 * round(seconds / 5))} s"
         tell(f"note: kernels are compiled for this machine, once: at most about {about} on an idle core")
-
-    def on_end(self, _: Any) -> None:
-        """Of no interest."""
 
 
 def tell_first_time(kernels: Iterable[Any]) -> None:
