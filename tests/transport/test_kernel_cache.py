@@ -63,6 +63,26 @@ def test_only_what_other_sources_were_compiled_to_is_removed(tmp_path: Path) -> 
     assert _kept(tmp_path) == {"march.pyc", "walk.pyc"}
 
 
+def test_kernels_are_kept_whatever_else_a_process_has_imported() -> None:
+    """Each program once compiled those anew that it shares with another which had imported more before them."""
+    run = """
+import openswim.transport
+from openswim.transport.engine import kernel_cache
+digests = kernel_cache._Digests()
+for name in sorted({kernel.__module__ for kernel in kernel_cache._kernels("openswim.transport")}):
+    print(name, digests.of(name))
+"""
+    more = "import openswim.cli.main, openswim.films.making, openswim.satellites, openswim.scene.procedural\n"
+    alone, after_more = (
+        dict(line.split() for line in subprocess.run(
+            [sys.executable, "-c", before + run], check=True, capture_output=True, text=True
+        ).stdout.splitlines())
+        for before in ("", more)
+    )  # fmt: skip
+    assert len(alone) > 40
+    assert {name: after_more[name] for name in alone} == alone
+
+
 def test_kernels_of_a_room_that_is_imported_late_are_looked_at(tmp_path: Path) -> None:
     """Those of the linear core once stayed as they were when `cell.py`, which they inline, had changed."""
     run = "import openswim.transport.linear.operator as o; print(o.__file__)"

@@ -18,7 +18,8 @@ from openswim.scene.files import written_whole
 from openswim.system.compiling import heal, tell_first_time
 
 _STAMP = "openswim-sources.json"
-_IMPORT = re.compile(r"^[ ]*from ([\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+# At the top of a module only. What functions import no kernel holds, and it is loaded in one process, not in another.
+_IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
 def drop_stale(package: str, alone: bool = False) -> None:
