@@ -65,7 +65,7 @@ BETWEEN = {
     ("cli", "validation"): 2.4,
     ("validation", "cameras"): 3.08, ("validation", "readers"): 3.18, ("kept_light", "lights"): 3.3,
     ("observations", "cameras"): 3.05, ("observations", "lights"): 1.53,
-    ("kept_light", "readers"): 4.75,
+    ("kept_light", "readers"): 4.75, ("ice", "engine"): 0.4,
 }  # fmt: skip
 TRANSPORT = {
     "linear": Place(0, 3.0, 1.9, "a linear twin of fast, its adjoint"),
