@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from functools import cache
 from pathlib import Path
@@ -70,8 +70,28 @@ def _private_folder() -> Path | None:
         return None
 
 
+_prepare: Callable[[], None] | None = None
+_prepared: set[str] = set()
+
+
+def prepare_with(prepare: Callable[[], None], indices: set[str]) -> None:
+    """Call ``prepare`` once, when one of the kernels that have these files of indices is not found on disk; then it is
+    looked for again."""
+    global _prepare, _prepared
+    _prepare, _prepared = prepare, indices
+
+
 class _Healing(IndexDataCacheFile):
     """Numba's files of a kernel, each with a digest: one that is damaged is removed, and the kernel compiled anew."""
+
+    def load(self, key: Any) -> Any:
+        global _prepare
+        found = super().load(key)
+        if found is not None or _prepare is None or self._index_path not in _prepared:
+            return found
+        prepare, _prepare = _prepare, None
+        prepare()
+        return super().load(key)
 
     def _load_index(self) -> dict[Any, str]:
         try:
@@ -145,9 +165,13 @@ class _FirstTime(event.Listener):
     def _tell(self) -> None:
         self._told = True
         missing = sum(not os.path.exists(kernel._cache._cache_file._index_path) for kernel in self._kernels.values())
-        seconds = _KERNEL_S * missing
-        about = f"{round(seconds / 30) / 2:g} minutes" if seconds > 75 else f"{max(5, 5 * round(seconds / 5))} s"
+        about = rounded(_KERNEL_S * missing)
         tell(f"note: kernels are compiled for this machine, once: at most about {about} on an idle core")
+
+
+def rounded(seconds: float) -> str:
+    """How long something takes, in words."""
+    return f"{round(seconds / 30) / 2:g} minutes" if seconds > 75 else f"{max(5, 5 * round(seconds / 5))} s"
 
 
 def tell_first_time(kernels: Iterable[Any]) -> None:
