@@ -84,6 +84,9 @@ def test_all_of_a_list_is_compiled_once(package):
     assert _run(package) == ("21 16 1", BY_TWO)
     assert len(list((package / "__pycache__").glob("*.nbi"))) == COUNT
     assert _run(package) == ("21 16 1", "")
+    for file in (package / "__pycache__").glob("kernels.times8*"):
+        file.unlink()
+    assert _run(package) == ("21 16 0", "")  # one is not worth processes
 
 
 def test_one_thread_compiles_what_it_calls(package):
@@ -92,17 +95,8 @@ def test_one_thread_compiles_what_it_calls(package):
 
 
 @needs_two_cores
-def test_few_are_not_worth_processes(package):
-    _run(package)
-    for file in (package / "__pycache__").glob("kernels.times8*"):
-        file.unlink()
-    assert _run(package) == ("21 16 0", "")
-
-
-@needs_two_cores
-@pytest.mark.parametrize("kind", ["float32[1]", "nonsense"])
-def test_what_workers_cannot_compile_is_compiled_where_it_is_called(package, kind):
-    _list(package, kind)
+def test_what_workers_cannot_compile_is_compiled_where_it_is_called(package):
+    _list(package, "nonsense")
     assert _run(package) == ("21 16 0", BY_TWO)
 
 
