@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.special import eval_legendre
 
 from openswim.errors import UserError
 from openswim.optics.aerosol import aerosol_type, spectral_phase
@@ -88,6 +89,22 @@ def test_table_reproduces_an_analytic_function():
     np.testing.assert_allclose(table.moments(60), hg.moments(60), atol=2e-6)
     mu = np.linspace(-1, 1, 301)
     np.testing.assert_allclose(table.value(mu), hg.value(mu), rtol=2e-4)
+
+
+def test_moments_of_a_table_are_exact():
+    """To rounding, however long the series and the table: between its angles quadrature converges."""
+    random = np.random.default_rng(5)
+    for count in (2, 9, 1200):
+        inner = np.sort(random.uniform(0.1, 179.9, count - 2))
+        table = TablePhase(np.concatenate([[0.0], inner, [180.0]]), np.exp(random.uniform(-2, 8, count)))
+        edges = np.unique(np.concatenate([table.angle_deg, np.linspace(0, 180, 801)]))
+        node, weight = np.polynomial.legendre.leggauss(12)
+        half = np.radians(np.diff(edges))[:, None] / 2
+        theta = (np.radians(edges[:-1, None]) + half * (1 + node)).ravel()
+        cosine = np.cos(theta)
+        integrand = (half * weight).ravel() * np.sin(theta) * table.value(cosine) / 2
+        moments = np.array([(eval_legendre(ell, cosine) * integrand).sum() for ell in (0, 1, 2, 50, 899)])
+        np.testing.assert_allclose(table.moments(900)[[0, 1, 2, 50, 899]], moments, atol=1e-11)
 
 
 def test_table_takes_descending_angles():

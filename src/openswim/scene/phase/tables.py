@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 # Made from size distribution and refractive index by tools/make_aerosol_tables.py, which names the sources.
 TABULATED = ("dust", "smoke", "sea_salt", "sulphate", "pollution", "stratospheric", "volcanic")
+_ANGLES = 512  # at once: 16 MB of long series
 
 
 class TablePhase(PhaseFunction):
@@ -47,34 +48,31 @@ class TablePhase(PhaseFunction):
         return np.exp(np.interp(np.degrees(np.arccos(mu)), self.angle_deg, self._log_value))
 
     def moments(self, n: int) -> FloatArray:
-        """By Gauss-Legendre on panels a third of a period of P_n wide; 1e-6 of the interpolated table."""
+        """Exact for the interpolated table: see `_integrals`."""
         if n not in self._moments:
             chi = self._integrals(n)
             self._moments[n] = chi / chi[0]
         return self._moments[n].copy()
 
     def _integrals(self, n: int) -> FloatArray:
-        theta, weight = self._quadrature(n)
-        mu = np.cos(theta)
-        weighted = (
-            0.5
-            * weight
-            * np.sin(theta)
-            * np.exp(np.interp(np.degrees(theta), self.angle_deg, self._log_value))
-        )
-        # no dot product: the library for it would wake its threads for each of hundreds
-        return np.array([(p_l * weighted).sum() for p_l in legendre(mu, n)])
+        """Half the integrals over the cosine of value times P_l, l < n.
 
-    def _quadrature(self, n: int) -> tuple[FloatArray, FloatArray]:
-        node, node_weight = np.polynomial.legendre.leggauss(6)
-        edges = np.radians(self.angle_deg)
-        pieces = np.maximum(np.ceil(np.diff(edges) * n / 2.0), 1).astype(int)
-        pieces = np.maximum(pieces, np.ceil(np.abs(np.diff(self._log_value))).astype(int))
-        start = np.repeat(edges[:-1], pieces)
-        width = np.repeat(np.diff(edges) / pieces, pieces)
-        start = start + width * (np.arange(start.size) - np.repeat(np.cumsum(pieces) - pieces, pieces))
-        theta = start[:, None] + width[:, None] * (0.5 + 0.5 * node)
-        return theta.ravel(), (0.5 * width[:, None] * node_weight).ravel()
+        Between two angles the value is e^(a + b theta), whose product with sin(q theta) has the integral
+        e^(a + b theta) (b sin(q theta) - q cos(q theta))/(b^2 + q^2). P_l is a sum of cosines of multiples of theta.
+        """
+        order = np.arange(1, n + 1)[:, None]
+        sums = np.zeros(n)
+        for first in range(0, self.angle_deg.size - 1, _ANGLES):
+            part = slice(first, first + _ANGLES + 1)
+            angle_deg, log_value = self.angle_deg[part], self._log_value[part]
+            sines, cosines = (wave * np.exp(log_value) for wave in _waves(n, angle_deg.tobytes()))
+            slope = np.diff(log_value) / np.diff(np.radians(angle_deg))
+            whole = np.diff(sines, axis=1) * slope - np.diff(cosines, axis=1) * order
+            sums += (whole / (slope**2 + order**2)).sum(axis=1)
+        of_sines = np.concatenate([[0.0], sums])  # of sin(q theta), q from 0 on
+        times_sine = np.concatenate([of_sines[1:2], (of_sines[2:] - of_sines[:-2]) / 2])  # of sin(theta) cos(q theta)
+        # no dot product: the library for it would wake its threads for each of hundreds
+        return np.asarray((_legendre_cosines(n) * times_sine).sum(axis=1))
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -113,9 +111,20 @@ def model_tables() -> dict[str, FloatArray]:
     return named_arrays("scene", "model_aerosol")
 
 
-def legendre(mu: FloatArray, n: int) -> Iterator[FloatArray]:
-    """P_0 .. P_(n-1) at mu, one after the other."""
-    previous, current = np.zeros_like(mu), np.ones_like(mu)
-    for degree in range(n):
-        yield current
-        previous, current = current, ((2 * degree + 1) * mu * current - degree * previous) / (degree + 1)
+@lru_cache(maxsize=8)
+def _waves(n: int, angle_deg: bytes) -> tuple[FloatArray, FloatArray]:
+    """Sines and cosines (n, angles) of 1 to n times the angles."""
+    phase = np.arange(1, n + 1)[:, None] * np.radians(np.frombuffer(angle_deg))
+    return np.sin(phase), np.cos(phase)
+
+
+@lru_cache(maxsize=8)
+def _legendre_cosines(n: int) -> FloatArray:
+    """Half of what P_l(cos theta) has of cos(m theta), (l, m): it is the sum over k from 0 to l of
+    g_k g_(l-k) cos((l - 2k) theta), g_k = C(2k, k)/4^k."""
+    k = np.arange(1, n)
+    g = np.cumprod(np.concatenate([[1.0], (2 * k - 1) / (2 * k)]))
+    ell, m = np.arange(n)[:, None], np.arange(n)
+    there = (m <= ell) & ((ell - m) % 2 == 0)
+    product = g[np.where(there, ell - m, 0) // 2] * g[np.where(there, ell + m, 0) // 2]
+    return np.where(there, product * np.where(m > 0, 1.0, 0.5), 0.0)
