@@ -295,6 +295,15 @@ def test_where_nobody_can_stand_is_known_before_the_light(monkeypatch, flat, pla
         openswim.render(scene, Camera.allsky(**place, size=8), sun=SUN)
 
 
+def test_a_time_and_a_sun_are_not_both_taken(monkeypatch) -> None:
+    monkeypatch.setattr(Solver, "solve", None)
+    scene = Scene.clear(LAT, LON)
+    for call in (lambda **sun: light(scene, **sun),
+                 lambda **sun: openswim.render(scene, Camera.allsky(LAT, LON, size=8), **sun)):  # fmt: skip
+        with pytest.raises(UserError, match=r"time = '2024-06-21' and sun = \(.*\): give one of them"):
+            call(time="2024-06-21", sun=SUN)
+
+
 def test_corners_of_a_domain_are_inside() -> None:
     """Also where rounding puts them a little beside it."""
     x, y = np.linspace(0.0, 30.0, 7), np.linspace(40.0, 50.0, 5)

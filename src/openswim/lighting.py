@@ -112,6 +112,8 @@ def light(
     between them, and light is the same within the solver's tolerance, not bit for bit.
     """
     wavelengths = checked_wavelengths(wavelengths_nm)
+    if time is not None and sun is not None:
+        raise UserError(f"time = {shown(time)} and sun = {shown(sun)}: give one of them, both say where the sun stands")
     scene = settled(scene)
     day = daylight(scene, time, sun)
     when = scene.time if time is None else parse_time(time)

@@ -251,6 +251,16 @@ def test_where_nothing_can_be_estimated_it_is_said_why(plan: Path, capsys: pytes
     assert "extinction_cloud" in told
 
 
+def test_a_dry_run_names_cameras_that_will_fail(plan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    away = '[[camera]]\nname = "away"\nx_m = 9000\ny_m = 1500\nsize = 12\n'
+    plan.write_text(PLAN.replace('[[camera]]\nname = "around"', f'{away}\n[[camera]]\nname = "around"'))
+    assert run(["batch", str(plan), "--dry-run"]) == 0
+    told = capsys.readouterr().err
+    assert "estimated: about" in told
+    assert "note: camera away will fail: the observer is outside the domain: " in told
+    assert told.count("will fail") == 1
+
+
 def test_a_camera_that_fails_is_named_and_the_others_are_made_counted_and_listed(
     plan: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -62,6 +62,8 @@ def test_a_map_and_a_mask_lie_beside_their_file(tmp_path):
     camera = Camera.from_map(pixels.azimuth_deg, 90 - pixels.altitude_deg, 10, 20)
     camera = Camera(**(vars(camera) | {"mask": Mask(pixels.azimuth_deg > 300)}))
     save_camera(camera, tmp_path / "camera.toml")
+    with Image.open(tmp_path / "camera_mask.png") as mask:
+        np.testing.assert_array_equal(np.asarray(mask) == 0, pixels.azimuth_deg > 300)
     read = load_camera(tmp_path / "camera.toml")
     np.testing.assert_allclose(read.pixels().direction, pixels.direction, atol=1e-6)
     np.testing.assert_array_equal(read.mask.hidden, camera.mask.hidden)

@@ -201,7 +201,9 @@ def test_beside_an_overcast_day_the_clear_sky_is_written_and_checks_are_in_words
     said = capsys.readouterr()
     assert len((tmp_path / "out.csv").read_text().splitlines()) == 302
     assert "parts: 301 of 301 values where global and its parts disagree" in said.err  # of the chosen times
-    assert "nothing to compare with a clear sky" in said.err
+    assert f"note: {station}: clear sky at no time: nothing to compare with a clear sky; what" in said.err
+    assert run([*command, "--every", "10min", "-o", str(tmp_path / "out.csv")]) == 0  # told by all that was measured
+    assert "minutes apart" not in capsys.readouterr().err
     assert run([*command, "--fit", "beam", "-o", str(tmp_path / "fit.csv")]) == 2
     assert not (tmp_path / "fit.csv").exists()
 

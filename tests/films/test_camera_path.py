@@ -78,7 +78,7 @@ def test_a_camera_that_stops_goes_on_looking_ahead() -> None:
     [
         ("time,lat\n2024-01-01,1\n", "no column lon, height_m"),
         ("time,lat,lon,height_m\n2024-01-01,1,2,3\n", "at least two points"),
-        ("time,lat,lon,height_m\n2024-01-02,1,2,3\n2024-01-01,1,2,3\n", "forward in time"),
+        ("time,lat,lon,height_m\n2024-01-02,1,2,3\n2024-01-01,1,2,3\n", r"forward in time, and point 2 \(2024-01-01"),
         ("time,lat,lon,height_m\n2024-01-01,1,2,x\n", "line 2"),
         ("time,lat,lon,height_m\n2024-01-01,1,2,3\n2024-01-02,100,2,3\n", "places that are none"),
         ("time,lat,lon,height_m,azimut\n2024-01-01,1,2,3,4\n", "path.csv: .*unknown 'azimut': did you mean azimuth"),

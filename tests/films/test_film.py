@@ -19,6 +19,7 @@ from openswim.films.kept_frames import KeptFrame
 from openswim.films.titles import title, titled
 from openswim.films.video import write_video
 from openswim.films.whereabouts import told_of_places, told_of_times
+from openswim.progress import spoken
 
 NOON = np.datetime64("2024-06-01T12:00", "ms")
 CLEAR = Scene.clear(47.0, 11.0, time=NOON)
@@ -404,6 +405,20 @@ def test_a_camera_that_a_nest_leaves_is_refused_beforehand() -> None:
     assert told_of_places(sky, sky.times[:1], cameras[:1]) == ""
     with pytest.raises(UserError, match=r"that the model has from 2024-06-01T13:00.*longitude 13.00 to 15.00"):
         told_of_places(sky, sky.times, cameras)
+
+
+def test_tables_of_frames_between_times_say_that_clouds_have_drifted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(making, "_plan", lambda *_: 1 / 0)  # after what is told
+    for times, every_s, curve, told in (
+        ([0, 240], 600.0, "curve.csv", 1), ([0, 240], None, "curve.csv", 0), ([0, 240], 600.0, None, 0),
+        ([0], 600.0, "curve.csv", 0),
+    ):  # fmt: skip
+        irradiance = None if curve is None else tmp_path / curve
+        with spoken(), pytest.raises(ZeroDivisionError):
+            film(_scenes(times), CAMERA, tmp_path / "film", every_s=every_s, irradiance=irradiance)
+        assert capsys.readouterr().err.count("lie elsewhere than in a picture of the same time") == told
 
 
 def test_weather_that_is_of_another_time_is_told() -> None:

@@ -256,6 +256,7 @@ def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch)
     assert run(["calibrate", "stars.png", *place, "--time", NIGHT, "-o", "roof.toml", *called]) == 0
     said = capsys.readouterr()
     assert "lens equisolid" in said.out
+    assert said.out.endswith("roof.toml, roof.html\n")
     assert "cannot tell the clock" in said.out
     content = read_camera("roof.toml")
     assert content.calibration["lens"] == "equisolid"

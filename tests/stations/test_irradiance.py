@@ -13,6 +13,7 @@ from openswim.scene import Scene
 from openswim.scene.atmosphere import AerosolProfile, Atmosphere
 from openswim.stations import Series
 from openswim.stations.light import beam_through_time
+from openswim.stations.through_time import solves
 
 RGB = (615, 546, 450)
 LAT, LON = 46.8, 6.9
@@ -150,6 +151,7 @@ def test_between_model_times_the_light_of_both_is_mixed():
     early, late = _cloudy("2016-06-23T10:00", 0.0), _cloudy("2016-06-23T12:00", 2e-4)
     times = np.array(["2016-06-23T10:30"], "datetime64[m]")
     mixed = openswim.irradiance([early, late], LAT, LON, times, solver="swim")
+    assert solves(Series.of([early, late]), LAT, LON, times) == mixed.attrs["solves"] == 2
     alone = [openswim.irradiance(scene, LAT, LON, times, solver="swim") for scene in (early, late)]
     for name in ("ghi", "dni", "dhi", "spectral_dhi"):
         np.testing.assert_allclose(mixed[name], 0.75 * alone[0][name] + 0.25 * alone[1][name], rtol=1e-6)
@@ -190,6 +192,16 @@ def test_what_users_get_wrong(change, message):
 
 def test_series_of_one_scene_stands_for_all_times():
     assert [share.tolist() for _, share in Series.of(CLEAR).weights(DAY[:2])] == [[1.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("first", "count", "step_minutes", "expected"),
+    [("09:00", 4, 15, 3), ("09:00", 13, 5, 3), ("09:00", 2, 60, 2), ("22:00", 3, 10, 1)],
+)
+def test_solves_are_told_beforehand(first, count, step_minutes, expected):
+    """Half an hour apart at most, by day alone; one where it is dark."""
+    times = np.datetime64(f"2016-06-23T{first}") + np.arange(count) * np.timedelta64(step_minutes, "m")
+    assert solves(Series.of(_cloudy("2016-06-23T10:00", 5e-5)), LAT, LON, times) == expected
 
 
 def test_all_times_of_a_models_file_are_a_series(tmp_path):

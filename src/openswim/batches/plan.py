@@ -109,7 +109,8 @@ def _plan(
 ) -> Plan:
     version = tables.get("openswim_batch")
     if version != VERSION or isinstance(version, bool):
-        raise UserError(f"is no plan: its first line says openswim_batch = {VERSION}")
+        said = "" if version is None else f", it says {shown(version)}"
+        raise UserError(f"no plan for this version: a plan begins with the line openswim_batch = {VERSION}{said}")
     check_keys(tables, _TOP, "the plan")
     folder = output if output is not None else names.beside(text_of(tables, "output", "openswim-batch"), "output")
     sun = tables.get("sun")

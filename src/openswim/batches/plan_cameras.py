@@ -66,7 +66,8 @@ def planned_cameras(
     names_of = [each.name.lower() for each in found]  # on some disks files differ by more than capitals
     doubled = {each.name for each in found if names_of.count(each.name.lower()) > 1}
     if doubled:
-        raise UserError(f"two [[camera]] are called {min(doubled)}: capitals do not tell names of files apart")
+        alike = "" if len(doubled) == 1 else f" and {max(doubled)}, which some disks take for the same name"
+        raise UserError(f"two [[camera]] are called {min(doubled)}{alike}: files are called after them; rename one")
     return tuple(found)
 
 

@@ -121,8 +121,8 @@ def save_camera(camera: Camera, path: str | os.PathLike[str]) -> None:
 
 
 @takes
-def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> None:
-    """Write a camera's file; maps go into a file beside it."""
+def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> list[Path]:
+    """Write a camera's file; maps and masks go into files beside it. Returns what has been written."""
     path = Path(path)
     camera = content.camera
     tables: dict[str, Any] = {"openswim_camera": VERSION}
@@ -135,17 +135,23 @@ def write_camera(content: CameraFile, path: str | os.PathLike[str]) -> None:
     tables["view"] = _view_table(camera, path, beside)
     obstacles: dict[str, Any] = {"horizon_deg": camera.horizon_deg} if camera.horizon_deg else {}
     if camera.mask is not None:
-        obstacles["mask"] = f"{path.stem}_mask.npy"
-        beside.append((path.with_name(obstacles["mask"]), camera.mask.hidden))
+        obstacles["mask"] = f"{path.stem}_mask.png"  # which a picture program can mend
+        beside.append((path.with_name(obstacles["mask"]), np.where(camera.mask.hidden, 0, 255).astype(np.uint8)))
     response = {key: value for key, value in vars(content.response).items() if value is not None}
     tables |= {"response": response} if response else {}
     tables |= {"obstacles": obstacles} if obstacles else {}
     tables |= {"calibration": content.calibration} if content.calibration else {}
+    from PIL import Image
+
     for name, array in beside:
         with written_whole(name) as partial, partial.open("wb") as stream:
-            np.save(stream, array)
+            if name.suffix == ".png":
+                Image.fromarray(array).save(stream, "PNG")
+            else:
+                np.save(stream, array)
     with written_whole(path) as partial:
         partial.write_text("# A camera for OpenSWIm (docs/cameras.md)\n" + toml_text(tables), "utf-8")
+    return [path, *(name for name, _ in beside)]
 
 
 def _view_table(camera: Camera, path: Path, beside: list[tuple[Path, np.ndarray]]) -> dict[str, Any]:

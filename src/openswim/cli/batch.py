@@ -61,6 +61,7 @@ def run(request: BatchRequest) -> None:
     work = Work.of(plan, part)
     _announce(work, jobs, request)
     if request.dry_run:
+        _tell_cameras(work)
         return
     start = clock.perf_counter()
     report = work.run(jobs, request.threads, request.scheduler)
@@ -164,14 +165,29 @@ def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
 def _of_a_task(work: "Work") -> "Estimate | str":
     """What one solve with all its cameras takes; where the first few cannot be opened for any camera, why."""
     from openswim.batches.working import scene_of
+    from openswim.pictures.observer import check_observer
 
     why = ""
     for task, each in product(work.waiting[:_TRIED], work.plan.cameras):
         try:
-            return _of_scene(work, scene_of(work.plan, task, each))
+            scene = scene_of(work.plan, task, each)
+            check_observer(scene, each.camera, work.plan.solver.name)
+            return _of_scene(work, scene)
         except UserError as fault:  # it will be listed with those that failed
             why = why or str(fault)
     return why
+
+
+def _tell_cameras(work: "Work") -> None:
+    """Which cameras will fail at the first time that is left, as where they stand outside of the domain."""
+    from openswim.batches.working import scene_of
+    from openswim.pictures.observer import check_observer
+
+    for task, each in product(work.waiting[:1], work.plan.cameras):
+        try:
+            check_observer(scene_of(work.plan, task, each), each.camera, work.plan.solver.name)
+        except UserError as fault:
+            click.echo(one_line(f"note: camera {each.name} will fail: {fault}"), err=True)
 
 
 def _of_scene(work: "Work", scene: "Scene") -> "Estimate":

@@ -55,7 +55,7 @@ def run(request: CalibrateRequest) -> None:
         request.name,
     )  # fmt: skip
     write_report(found, report)
-    write_camera(found.content, request.output)
+    written = write_camera(found.content, request.output)
     table = found.content.calibration
     click.echo(
         f"{table['matches']} matches by {found.by}, lens {table['lens']}: median {table['median_px']:.2f} px, held out "
@@ -63,7 +63,7 @@ def run(request: CalibrateRequest) -> None:
     )
     for line in found.cannot_tell:
         click.echo(f"cannot tell {one_line(line)}")
-    click.echo(one_line(f"{request.output}, {report}"))
+    click.echo(one_line(", ".join(map(str, [*written, report]))))
 
 
 def _check(request: CalibrateRequest, path: Path, frames: list[Path]) -> None:

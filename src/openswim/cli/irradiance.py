@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
+    from openswim.stations import Series
     from openswim.stations.aeronet import Sunphotometer
 
 _LOWEST_SUN_DEG = 15.0
@@ -112,7 +113,26 @@ def _alone(request: IrradianceRequest) -> xr.Dataset:
     else:
         scene = Series.open(request.files, around=(lat, lon))
         times = _times(request, None if scene.times.size == 1 else scene.times)
+        _tell(scene, lat, lon, times, request)
     return openswim.irradiance(scene, lat, lon, times, **_options(request))
+
+
+def _tell(series: Series, lat: float, lon: float, times: np.ndarray, request: IrradianceRequest) -> None:
+    """What the scenes lack, and what their light will take."""
+    from openswim.cli.estimate import Pictured, estimate
+    from openswim.lighting import sun_altitude_deg
+    from openswim.stations.through_time import WAVELENGTHS_NM, solves
+
+    count = solves(series, lat, lon, times)
+    scene = series.scene(next(number for number, _ in series.weights(times)))
+    for note in scene.notes:
+        click.echo(f"note: {note}", err=True)
+    wavelengths = _options(request).get("wavelengths_nm", WAVELENGTHS_NM)
+    one = estimate(
+        scene, Pictured((8, 8), request.height_m), request.solver, wavelengths,
+        sun_deg=sun_altitude_deg(scene, times[times.size // 2]),
+    )  # fmt: skip
+    click.echo(f"light is solved {count} time{'s' if count > 1 else ''}, each: {one}", err=True)
 
 
 def _aeronet(request: IrradianceRequest) -> Sunphotometer | None:
@@ -206,6 +226,7 @@ def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset,
         station = station.sel(time=slice(scenes.times[0], scenes.times[-1]))
     if not station.sizes["time"]:
         raise UserError(f"{request.station}: no values within the model's times")
+    _tell(scenes, lat, lon, station.time.values, request)
     model = openswim.irradiance(scenes, lat, lon, station.time.values, **_options(request))
     _print(model, station, np.ones(station.sizes["time"], bool), "all")
     return model, station, None
@@ -233,17 +254,18 @@ def _clear_beside(request: IrradianceRequest, station: xr.Dataset) -> tuple[xr.D
     model = openswim.irradiance(scene, *place, station.time.values, **options)
     measured = {name: station[name].values for name in ("ghi", "dni", "dhi") if name in station}
     clear = clear_times(station.time.values, measured, {name: model[name].values for name in measured})
-    kept = _thinned(request, station)
+    kept, apart = _thinned(request, station), minutes_apart(station.time.values)
     station, model, clear = station.isel(time=kept), model.isel(time=kept), clear[kept]
     high = sun_of(station).refracted_altitude_deg > _LOWEST_SUN_DEG
     clear &= high
     click.echo(f"clear sky at {clear.sum()} of {high.sum()} times with the sun above {_LOWEST_SUN_DEG:g} degrees")
     if not clear.any():
-        what, apart = "nothing to compare with a clear sky", minutes_apart(station.time.values)
+        what = "nothing to compare with a clear sky"
         if apart > WINDOW_MINUTES / 2:
-            what = f"whose values are {apart:g} minutes apart: that it is steady is told by several within ten, {what}"
+            what = f"its values are {apart:g} minutes apart: that it is steady is told by several within ten; {what}"
+        what = f"{request.station}: clear sky at no time: {what}"
         if request.fit is not None or (request.output is None and request.plot is None):
-            raise UserError(f"{request.station}: clear sky at no time, {what}: give a model's FILES for --clear")
+            raise UserError(f"{what}: give a model's FILES for --clear")
         click.echo(f"note: {what}; what is written is the clear sky's", err=True)
         return model, station, clear
     told = clear

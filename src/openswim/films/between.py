@@ -241,8 +241,8 @@ def check_still(one: Grid, other: Grid, source: str, time: Time, later: Time) ->
     """Raise UserError where the grids of a model at two times lie at different places."""
     if not same_place(one, other):
         raise UserError(
-            f"{source}: its grid at {time} is not that at {later}, as where a nest moves: only the model's own times "
-            "can be shown (leave out --every; a path needs a file of one time)"
+            f"{source}: its grid at {time} is not that at {later}, as where a nest moves, so that nothing between "
+            "them can be shown: leave out --every; for a --path give a file of one time"
         )
 
 

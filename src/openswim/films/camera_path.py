@@ -56,8 +56,13 @@ class CameraPath:
             object.__setattr__(self, name, values.astype(float))
         if len(self.time) < 2:
             raise UserError("a camera's path needs at least two points")
-        if not np.all(np.diff(self.time.astype(np.int64)) > 0):
-            raise UserError("a camera's path must go forward in time: sort its points, each time once")
+        forward = np.diff(self.time.astype(np.int64)) > 0
+        if not forward.all():
+            at = int(np.argmin(forward))
+            raise UserError(
+                f"a camera's path must go forward in time, and point {at + 2} ({self.time[at + 1]}) is not after the "
+                f"one before it ({self.time[at]}): sort its points, each time once"
+            )
         fine = (np.abs(self.place) <= (90.0, 360.0, 1e9)).all(axis=1)
         if not fine.all():
             at = int(np.argmin(fine))

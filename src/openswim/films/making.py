@@ -26,7 +26,7 @@ from openswim.films.kept_frames import KeptFrame, KeptFrames
 from openswim.films.outputs import check_curves, check_output, check_outputs, write_curves, write_film
 from openswim.films.titles import titled
 from openswim.films.weather import Weather
-from openswim.films.whereabouts import told_of_places, told_of_times
+from openswim.films.whereabouts import told_of_drift, told_of_places, told_of_times
 from openswim.lighting import WAVELENGTHS_NM, checked_wavelengths, light, solver_of
 from openswim.lights import sun_position
 from openswim.pictures.observer import check_observer, ground_below
@@ -113,7 +113,8 @@ def film(
     shots = shots_of(sky, camera, every_s, way, fps, number("film: speed", speed), from_time, to_time)
     chosen = solver_of(solver)
     times, cameras = [shot.time for shot in shots], [shot.camera for shot in shots]
-    for note in filter(None, (told_of_places(sky, times, cameras), told_of_times(sky.times, times))):
+    drifting = told_of_drift(sky.times) if every_s is not None and irradiance is not None else ""
+    for note in filter(None, (told_of_places(sky, times, cameras), told_of_times(sky.times, times), drifting)):
         tell(f"note: {note}")
     if star_trails is not None:
         _check_night(shots)

@@ -73,6 +73,16 @@ def told_of_times(model: NDArray[np.datetime64], times: Sequence[np.datetime64])
     return ""
 
 
+def told_of_drift(model: NDArray[np.datetime64]) -> str:
+    """What is to be told of the light at one place in frames between a model's times."""
+    if model.size < 2:
+        return ""
+    return (
+        "clouds smaller than the model's cells drift with the others: they lie elsewhere than in a picture of the same "
+        "time, and direct light at the camera is that between other ones"
+    )
+
+
 def _away_m(grid: Grid, camera: Camera) -> float:
     """How far a camera is outside of a grid, m; 0 within."""
     x, y = (camera.lon, camera.lat) if grid.curved else (camera.x_m, camera.y_m)

@@ -97,8 +97,8 @@ def of_scene(
     high = np.max([place.track.lit_altitude_deg for place in places], axis=0)
     day = np.flatnonzero(wanted & (high > DARK_DEG))
     found = []
-    minutes = (times - times[0]) / np.timedelta64(1, "ms") / 6e4
-    nodes = _nodes(minutes[day], step_minutes) if day.size else np.zeros(0)
+    minutes = _minutes(times)
+    nodes = _nodes(minutes[day], step_minutes)
     at_nodes: list[list[F64]] = [[] for _ in places]
     viewpoints: list[Viewpoint] = []
     if not day.size:
@@ -143,9 +143,23 @@ def beam_through_time(viewpoint: Viewpoint, track: SunTrack, rows: NDArray[np.in
     return beam, visible, clear, altitude
 
 
+def solves_of_scene(
+    times: NDArray[np.datetime64], wanted: NDArray[np.bool_], tracks: list[SunTrack], step_minutes: float
+) -> int:
+    """How many solves `of_scene` takes for places with these tracks of the sun."""
+    high = np.max([track.lit_altitude_deg for track in tracks], axis=0)
+    return max(_nodes(_minutes(times)[wanted & (high > DARK_DEG)], step_minutes).size, 1)
+
+
+def _minutes(times: NDArray[np.datetime64]) -> F64:
+    return np.asarray((times - times[0]) / np.timedelta64(1, "ms") / 6e4)
+
+
 def _nodes(minutes: F64, step: float) -> F64:
     """The times themselves, or fewer, at most a step apart."""
     unique = np.unique(minutes)
+    if not unique.size:
+        return unique
     even_steps = np.linspace(unique[0], unique[-1], int(np.ceil((unique[-1] - unique[0]) / step)) + 1)
     return unique if unique.size <= even_steps.size else even_steps
 

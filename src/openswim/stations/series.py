@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,13 @@ class Series:
         from openswim.readers import describe, open_scene
 
         times = sorted({np.datetime64(time, "ms") for time in describe(paths).times})
-        if len(times) < 2:
-            return cls(np.zeros(1, "datetime64[ms]"), lambda _: open_scene(paths, **options))
-        return cls(np.array(times), lambda number: open_scene(paths, time=times[number], **options))
+        which: list[dict[str, Any]] = [{}] if len(times) < 2 else [{"time": time} for time in times]
+
+        @lru_cache(maxsize=1)  # who asks what a series will cost opens the first, too
+        def opened(number: int) -> Scene:
+            return open_scene(paths, **which[number], **options)
+
+        return cls(np.zeros(1, "datetime64[ms]") if len(times) < 2 else np.array(times), opened)
 
     def weights(self, times: NDArray[np.datetime64]) -> Iterator[tuple[int, NDArray[np.float64]]]:
         """Each model time that is needed, and the weight (nt,) of its light at `times`: linear between model times.

@@ -19,7 +19,7 @@ from openswim.lights import SunTrack, solar_irradiance, sun_track
 from openswim.scene import Scene
 from openswim.scene.times import parse_time
 from openswim.solver import Solver
-from openswim.stations.light import DARK_DEG, Light, Place, even, of_clear_sky, of_scene
+from openswim.stations.light import DARK_DEG, Light, Place, even, of_clear_sky, of_scene, solves_of_scene
 from openswim.stations.planes import HORIZONTAL, Planes
 from openswim.stations.series import Series
 
@@ -27,6 +27,7 @@ F64 = NDArray[np.float64]
 
 # Solved for at no more cost than three; broadband diffuse light is within 1 W/m2 of that from eleven, 330-1600 nm.
 WAVELENGTHS_NM = (870.0, 615.0, 500.0, 400.0)
+STEP_MINUTES = 30.0
 MOST_VAPOUR_CM = 20.0  # the wettest air has some 8
 _NAMES = {  # of variables: CF standard name, description
     "ghi": ("surface_downwelling_shortwave_flux_in_air", "global horizontal irradiance"),
@@ -48,7 +49,7 @@ def irradiance(
     x_m: float | None = None,
     y_m: float | None = None,
     water_vapour_cm: ArrayLike | None = None,
-    step_minutes: float = 30.0,
+    step_minutes: float = STEP_MINUTES,
 ) -> xr.Dataset:
     """Global, direct and diffuse irradiance at places of a scene through time: docs/irradiance.md.
 
@@ -114,6 +115,13 @@ def irradiance(
         "between_model_times": "light of both scenes under the sun of the moment, mixed linearly in time",
     }
     return out.transpose("time", "place", ...) if several else out.isel(place=0)
+
+
+def solves(series: Series, lat: float, lon: float, times: Any, step_minutes: float = STEP_MINUTES) -> int:
+    """How many times `irradiance` solves for the light at a place of scenes with clouds or hills."""
+    stamps = _stamps(times)
+    tracks = [sun_track(stamps, lat, lon)]
+    return sum(solves_of_scene(stamps, weight > 0, tracks, step_minutes) for _, weight in series.weights(stamps))
 
 
 @dataclass
