@@ -14,7 +14,7 @@ from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, 
 from openswim.cli.compare import Progress, line_of
 from openswim.comparison.one_frame import rounded
 from openswim.comparison.report.page import with_bounds, write_page
-from openswim.comparison.response import Curve, decoded, encoded
+from openswim.comparison.response import Curve, decoded, encoded, fit_curve
 from openswim.errors import UserError
 from openswim.lights import moon_position
 
@@ -48,18 +48,30 @@ def test_pictures_are_kept_to_twelve_bits():
     assert abs(np.mean(kept[4:] / light[4:] - 1)) < 2.0**-13 / 30  # neither up nor down in the mean
 
 
-def test_a_level_part_of_a_curve_makes_no_seam():
-    """Its inverse leaps by .3 in ln light: spread over .15 of ln radiance that is a slope of .81 at most. A power law
-    stays one."""
-    light = np.geomspace(0.005, 1, 400)
+def test_a_leap_of_a_curve_makes_no_seam():
+    """One by .4 in ln radiance, spread over .15 of ln light, adds a slope of 1.06 at most. A power law stays one."""
+    light = np.geomspace(0.005, 1, 4000)
     power = 0.2 * light**1.3
-    level = np.minimum(power, 0.2 * 0.14**1.3) + np.maximum(power - 0.2 * 0.19**1.3, 0)
-    at = np.geomspace(1e-4, 0.5, 2000)
-    found = Curve(light, power, 1.3, 0.0).inverse(at)
-    np.testing.assert_allclose(found, (at / 0.2) ** (1 / 1.3), rtol=3e-3)
-    slope = np.diff(np.log(Curve(light, level, 1.3, 0.0).inverse(at))) / np.diff(np.log(at))
-    assert slope.min() > 0
-    assert slope.max() < 1 / 1.3 + np.log(0.19 / 0.14) / (0.15 * np.sqrt(2 * np.pi)) + 0.1
+    at = np.geomspace(1e-4, 2, 2000)
+    np.testing.assert_allclose(Curve(light, power, 1.3, 0.0).smooth(at), 0.2 * at**1.3, rtol=3e-3)
+    leap = Curve(light, np.where(light > 0.14, np.exp(0.4), 1.0) * power, 1.3, 0.0)
+    slope = np.diff(np.log(leap.smooth(at))) / np.diff(np.log(at))
+    assert slope.min() > 1.2
+    assert slope.max() < 1.3 + 0.4 / (0.15 * np.sqrt(2 * np.pi)) + 0.1
+
+
+def test_a_simulated_sky_is_drawn_as_its_camera_would_store_it_though_the_fit_is_poor():
+    """Light that falls off to the edge scatters pixels about any curve: the one that tells radiance from light,
+    turned round, would draw a sky of half as much contrast again."""
+    random = np.random.default_rng(3)
+    sky = random.lognormal(0, 0.5, 20_000)
+    light = 0.3 * sky**0.6 * random.lognormal(0, 0.3, sky.size)
+    answer, curve = fit_curve(sky, light, np.ones(sky.size)), fit_curve(light, sky, np.ones(sky.size))
+    inner = np.linspace(*np.quantile(sky, [0.1, 0.9]), 50)
+    contrast = np.polyfit(np.log(inner), np.log(answer.smooth(inner)), 1)[0]
+    assert contrast == pytest.approx(0.6, abs=0.05)
+    turned = np.interp(inner, curve.radiance, curve.light)
+    assert np.polyfit(np.log(inner), np.log(turned), 1)[0] > 0.9
 
 
 def test_a_simulated_camera_is_found_again(sky, tmp_path):

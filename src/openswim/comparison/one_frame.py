@@ -139,9 +139,9 @@ def as_stored(simulated: F64, frame: Prepared, region: Region, known: KnownCamer
     where that is known, or by a gain for each channel; without a valid pixel by one that shows the sky."""
     if not region.weight.size:
         light = simulated * (0.2 / np.median(simulated[simulated > 0]) if (simulated > 0).any() else 1.0)
-    elif known.curves is not None:
-        light = np.stack([curve.inverse(part) for curve, part in zip(known.curves, np.moveaxis(simulated, -1, 0),
-                                                                     strict=True)], axis=-1)  # fmt: skip
+    elif known.answers is not None:
+        parts = np.moveaxis(simulated, -1, 0)
+        light = np.stack([curve.smooth(part) for curve, part in zip(known.answers, parts, strict=True)], axis=-1)
     else:
         seen, truth = (np.median(v[region.valid], axis=0) for v in (frame.linear.astype(float), simulated))
         light = simulated * (seen / truth)

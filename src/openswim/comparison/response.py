@@ -15,7 +15,7 @@ from openswim.srgb import from_srgb, to_srgb
 F64 = NDArray[np.float64]
 FEWEST_PIXELS = 50
 _BINS, _RUNGS = 128, 4096  # of a curve that is fitted; steps of the root of light that bins are made of
-SMOOTH, STEP = 0.15, 0.01  # of ln radiance, over which the inverse of a curve is averaged
+SMOOTH, STEP = 0.15, 0.01  # of ln light, over which a curve that is drawn is averaged
 _PIXELS = 5000  # spread over a picture, say of a power law what all say
 AEROSOL_NOTE = (
     "The response belongs to the aerosol that was taken: a hazier sky with a flatter response fits a frame as well. "
@@ -60,31 +60,27 @@ class Curve:
             found[outside] = self.radiance[end] * ratio**self.slope
         return found
 
-    def inverse(self, radiance: NDArray[np.floating]) -> F64:
-        """Linear light of radiance: smooth, for where the curve is level its strict inverse leaps, and a picture would
-        have a seam there. Power laws stay what they are."""
+    def smooth(self, light: NDArray[np.floating]) -> F64:
+        """The same averaged over `SMOOTH` of ln light: a picture would show the steps and level parts of a fit. Power
+        laws stay what they are."""
         from scipy.ndimage import gaussian_filter1d
 
-        ends = np.log(np.maximum(self.radiance[[0, -1]], 1e-9))
+        ends = np.log(np.maximum(self.light[[0, -1]], 1e-9))
         at = np.arange(ends[0] - 8 * SMOOTH, ends[1] + 8 * SMOOTH, STEP)
-        smooth = gaussian_filter1d(np.log(np.maximum(self._strict_inverse(np.exp(at)), 1e-9)), SMOOTH / STEP)
-        value = np.asarray(radiance, float)
+        smoothed = gaussian_filter1d(np.log(np.maximum(self(np.exp(at)), 1e-9)), SMOOTH / STEP)
+        value = np.asarray(light, float)
         with np.errstate(divide="ignore", invalid="ignore"):
             x = np.log(value)
         inside = (x > at[0] + 4 * SMOOTH) & (x < at[-1] - 4 * SMOOTH)  # beyond, the curve is a power law itself
-        return np.where(inside, np.exp(np.interp(x, at, smooth)), self._strict_inverse(value))
-
-    def _strict_inverse(self, value: F64) -> F64:
-        rising = self.radiance + 1e-9 * self.radiance[-1] * np.arange(len(self.radiance))  # where the curve is level
-        found = np.interp(value, rising, self.light)
-        for end, outside in ((0, value < rising[0]), (-1, value > rising[-1])):
-            ratio = np.maximum(value, 0) / max(float(rising[end]), 1e-9)
-            found = np.where(outside, self.light[end] * ratio ** (1 / self.slope), found)
-        return found
+        return np.where(inside, np.exp(np.interp(x, at, smoothed)), self(value))
 
 
 def fit_curve(light: F64, radiance: F64, weight: F64) -> Curve | None:
-    """The rising curve nearest to simulated radiance (n,) at observed linear light (n,); None of too few pixels."""
+    """The rising curve nearest to simulated radiance (n,) at observed linear light (n,); None of too few pixels.
+
+    With the two swapped it is the light to be expected at a radiance: flatter than the other curve turned round, as
+    pixels lie beside both.
+    """
     from scipy.optimize import isotonic_regression
 
     if light.size < FEWEST_PIXELS or light.max() <= light.min():

@@ -52,9 +52,11 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class KnownCamera:
-    """What is known of a camera's answer to light: curves and white balance, and what they were found from."""
+    """What is known of a camera's response: curves from its light to radiance, answers from radiance to its light, and
+    white balance, and what they were found from."""
 
     curves: list[Curve] | None = None
+    answers: list[Curve] | None = None
     red_blue: float | None = None
     scale: F64 | None = None
     source: str = ""
@@ -89,7 +91,7 @@ def known_camera(
     given = content.response
     scale = None if given.radiance_per_unit is None else np.array(given.radiance_per_unit)
     if clear_frame is None:
-        return KnownCamera(None, given.red_blue, scale, "camera file" if given.red_blue is not None else "")
+        return KnownCamera(None, None, given.red_blue, scale, "camera file" if given.red_blue is not None else "")
     seen = frame_of(clear_frame, content, alone=False)
     frame = prepared(seen, content.camera, encoding_of(settings, content), settings.size)
     clear = Skies(None, solver, skies.aod if skies.aod is not None else DEFAULT_AOD, skies.albedo, skies.sun)
@@ -100,12 +102,15 @@ def known_camera(
     region = Region.of(frame, valid & np.isfinite(truth).all(axis=-1))
     linear, sky = frame.linear[region.valid].astype(float), truth[region.valid]
     curves = [fit_curve(a, b, region.weight) for a, b in zip(linear.T, sky.T, strict=True)]
-    if any(curve is None for curve in curves):
+    answers = [fit_curve(b, a, region.weight) for a, b in zip(linear.T, sky.T, strict=True)]
+    if any(curve is None for curve in [*curves, *answers]):
         raise UserError(f"{frame.name}: too few pixels are left of this clear frame: give another")
     red_blue = given.red_blue
     if red_blue is None and linear.shape[1] == 3:
         red_blue = weighted_median(departure(linear, sky), region.weight)
-    return KnownCamera([c for c in curves if c is not None], red_blue, scale, frame.name)
+    return KnownCamera(
+        [c for c in curves if c is not None], [c for c in answers if c is not None], red_blue, scale, frame.name
+    )
 
 
 def weighted_median(values: F64, weight: F64) -> float:
