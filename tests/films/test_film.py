@@ -247,6 +247,8 @@ def test_titles_say_time_place_and_model() -> None:
     assert title(facts) == [*times, "47.00 N 11.00 E", "wrfout_d01", "2 m"]
     soon = facts | {"light_time": "2024-06-01T12:02:00Z", "height_above": "sea level"}
     assert title(soon) == [times[0], "47.00 N 11.00 E", "wrfout_d01", "2 m above sea level"]
+    along = [facts | {"time": f"2024-06-01T{own}Z"} for own in ("12:57:07.500", "12:20:00.000")]
+    assert [title(each)[1] for each in along] == ["light of 2024-06-01 12:57:07 UTC", times[1]]
     for metres, text in ((84.4, "84 m"), (1234.0, "1.2 km"), (12345.0, "12 km")):
         assert title(facts | {"ahead": "liquid", "ahead_m": metres})[-2:] == ["2 m", f"liquid {text} ahead"]
     picture = np.full((120, 320, 3), 90, np.uint8)

@@ -29,6 +29,8 @@ if sys.argv[0].endswith("first_start.py"):
     time.sleep(SECONDS)
 """
 RUN = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs are started without
 import kernels
 from pathlib import Path
 from openswim.progress import spoken

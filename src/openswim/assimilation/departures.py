@@ -60,7 +60,7 @@ def seen_by(rows: Rows, state: xr.Dataset, solver: Solver) -> F64:
     scene, lights, watts = scene_of(rows, state), [], []
     for one in rows.of_times:
         of_time = scene if one.carrier is None else one.carrier.scene(scene)
-        lit = light(of_time, quiet, one.wavelengths_nm.tolist(), one.time, one.sun)
+        lit = light(of_time, quiet, one.wavelengths_nm.tolist(), one.time if one.sun is None else None, one.sun)
         for each in one.instruments:
             pixels = each.camera.pixels()
             azimuth, altitude = pixels.azimuth_deg[each.inside], pixels.altitude_deg[each.inside]

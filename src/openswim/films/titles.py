@@ -39,7 +39,11 @@ def title(facts: dict[str, Any]) -> list[str]:
     """Valid time, where the light is of another time that too, place, model, height, what is ahead: what differs in
     length from frame to frame is last, so that the rest is in all or in none."""
     parts = []
-    weather, light = (str(facts.get(name) or "")[:19].replace("T", " ") for name in ("valid_time", "light_time"))
+    weather, light, own = (
+        str(facts.get(name) or "")[:19].replace("T", " ") for name in ("valid_time", "light_time", "time")
+    )
+    if own and light and _together(own, light):  # along a path light is of some minutes, a frame of its moment
+        light = own
     if weather:
         parts.append(f"{weather} UTC")
     if light and not _together(weather, light):
