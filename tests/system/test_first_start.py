@@ -15,6 +15,7 @@ import numba
 import numpy as np
 import pytest
 
+from openswim.system import first_start, side_by_side
 from openswim.system.first_start import read, written
 from openswim.system.machine import cores
 
@@ -89,6 +90,20 @@ def test_all_of_a_list_is_compiled_once(package):
     for file in (package / "__pycache__").glob("kernels.times8*"):
         file.unlink()
     assert _run(package) == ("21 16 0", "")  # one is not worth processes
+
+
+def test_memory_that_no_system_tells_of_holds_all(monkeypatch):
+    """Windows has neither of the files and calls that tell of it."""
+    monkeypatch.setattr(first_start, "cores", lambda: 64)
+    monkeypatch.setattr(first_start._settings, "NUMBA_NUM_THREADS", 64)
+    for module in (first_start, side_by_side):
+        monkeypatch.setattr(module, "free_memory", lambda: float("inf"))
+    assert first_start._processes() == 4
+    assert side_by_side.fitting(8, 1, 1e9) == 8
+    monkeypatch.setattr(first_start, "free_memory", lambda: 2.5e9)
+    assert first_start._processes() == 2
+    monkeypatch.setattr(sys, "executable", "/opt/qgis/bin/qgis")
+    assert first_start._processes() == 1
 
 
 def test_one_thread_compiles_what_it_calls(package):

@@ -153,7 +153,7 @@ def _announce(work: "Work", jobs: int, request: BatchRequest) -> None:
     if one.memory_bytes > free:
         raise UserError(f"a time of this plan takes about {one.memory_bytes / 1e9:.1f} GB of memory, and "
                         f"{free / 1e9:.1f} GB are free: use smaller pictures or a smaller domain")  # fmt: skip
-    workers = max(1, min(jobs, waiting, int(SURE * free / one.memory_bytes)))
+    workers = max(1, int(min(jobs, waiting, SURE * free / one.memory_bytes)))
     busy = min(workers * request.threads, cores())
     seconds = 2 * one.seconds * waiting / busy  # the estimate is for two cores
     whole = type(one)(seconds, workers * one.memory_bytes)

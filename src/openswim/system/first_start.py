@@ -117,10 +117,16 @@ def _index(name: str) -> str:
     return str(getattr(files, "_index_path", ""))
 
 
+def _processes() -> int:
+    """How many compile side by side; only this one where Python is part of a program, which would be started again."""
+    if "python" not in Path(sys.executable or "").name.lower():
+        return 1
+    return int(min(_MOST_PROCESSES, _settings.NUMBA_NUM_THREADS, cores(), free_memory() / _PROCESS_BYTES))
+
+
 def _prepare(package: str, listed: Path, indices: list[str]) -> None:
-    processes = min(_MOST_PROCESSES, _settings.NUMBA_NUM_THREADS, cores(), int(free_memory() / _PROCESS_BYTES))
-    python = "python" in Path(sys.executable or "").name.lower()  # not a program that it is part of
-    if processes < 2 or not python:
+    processes = _processes()
+    if processes < 2:
         return
     with ExitStack() as held:
         _hold(Path(indices[0]).parent, held)

@@ -107,7 +107,7 @@ def jobs_of(jobs: int | None, threads: int = 1) -> int:
 
 def fitting(jobs: int, there: int, peak_bytes: float) -> int:
     """How many of the jobs that are wanted the memory holds, where so many are there already and each takes so much."""
-    return max(1, min(jobs, there + int(SURE * free_memory() / max(peak_bytes, 1.0))))
+    return max(1, int(min(jobs, there + SURE * free_memory() / max(peak_bytes, 1.0))))
 
 
 def peak_bytes() -> float:
