@@ -194,6 +194,18 @@ def test_clouds_from_above_have_no_seam_where_from_below_begins() -> None:
     assert steps.max() < 0.12  # half a degree apart
 
 
+@pytest.mark.parametrize("azimuth", [0.0, 90.0, 180.0])
+def test_there_is_no_line_at_the_level_of_an_eye_within_cloud(azimuth: float) -> None:
+    """The light of the sky that clouds mirror passes smoothly into that of the ground."""
+    shape = (31, 31, 31)
+    cloud = np.zeros(shape, np.float32)
+    cloud[8:26, 8:23, 8:23] = 0.03
+    lit = Solver("swim").solve(grid_scene(cloud, shape, air=True), toward(90.0, 40.0), [WAVELENGTH_NM])
+    just = Rays(np.array([0.0, 0.0, 2050.0]), np.array([toward(azimuth, a) for a in (-0.01, 0.01)]))
+    below, above = lit.view(just).radiance[:, 0]
+    assert below == pytest.approx(above, rel=2e-3)
+
+
 def test_absorbing_layers_are_darker_on_both_sides() -> None:
     up = Rays(np.zeros(3), sky_directions([5.0, 50.0], [0.0, 90.0]))
     down = Rays(np.array([0.0, 0.0, 1001.0]), -sky_directions([5.0, 50.0], [0.0, 90.0]))

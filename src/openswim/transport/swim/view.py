@@ -154,8 +154,7 @@ def cloud_radiance(lit: LitGrid, sight: Sight, shells: Shells, front: F64, w: in
     """L'_cloud (n,) as seen from the eye, f_cloud of Eq. 33 included: from below (Eq. 12) or from above (Eq. 26)."""
     medium = lit.medium
     assert medium is not None
-    blend = np.clip(-sight.rise / _FROM_ABOVE, 0, 1)
-    blend *= blend * (3 - 2 * blend)
+    blend = _smoothstep(np.clip(-sight.rise / _FROM_ABOVE, 0, 1))
     out = (1 - blend) * from_below(sight, medium, w, lit.options.paper_phases)
     above = np.flatnonzero(blend > 0)
     if above.size:
@@ -204,7 +203,9 @@ def _lit_by_sky_and_ground(lit: LitGrid, sight: Sight, shells: Shells, w: int) -
     """L' of a cloud in the light of the sky and of the ground, which Eq. 8 leaves for later: Lambertian."""
     medium = lit.medium
     assert medium is not None
-    tau, up = sight.tau, sight.rise > 0
+    tau = sight.tau
+    # a level ray sees sides of clouds, half in the light of the ground
+    base = _smoothstep(0.5 + 0.5 * np.clip(sight.rise / _FROM_ABOVE, -1, 1))
     b = _mean(sight.depth, [one.backscatter_fraction for one in medium.species], tau)
     omega = _mean(sight.depth, [one.single_scattering_albedo[w] for one in medium.species], tau)
     g = _mean(sight.depth, [one.phase[w].asymmetry for one in medium.species], tau)
@@ -215,16 +216,20 @@ def _lit_by_sky_and_ground(lit: LitGrid, sight: Sight, shells: Shells, w: int) -
     # the ground's mean light, by the hour of the day at the cloud
     usual = float(ground_flux(shells, columns[:: max(1, columns.size // 1000)])[:, w].mean())
     ground = float(np.mean(lit.lighting.mean_fluxes()["up_bottom"][w])) * total / max(usual, 1e-9)
-    facing, behind = np.where(up, ground, sky), np.where(up, sky, ground)
+    facing, behind = base * ground + (1 - base) * sky, base * sky + (1 - base) * ground
     through = (1 - diffuse_albedo(b * tau)) * absorbed_transmittance(omega, g, vertical, 0.5)
-    through *= np.where(up, 9 / 7 * shaded_phase(sight.rise), 1.0)
+    through *= base * 9 / 7 * shaded_phase(sight.rise) + (1 - base)
     return 4 * -np.expm1(-tau) * (back * facing + through * behind)
 
 
 def _four_smoothsteps(x: F64) -> F64:
     for _ in range(4):
-        x = x * x * (3 - 2 * x)
+        x = _smoothstep(x)
     return x
+
+
+def _smoothstep(x: F64) -> F64:
+    return x * x * (3 - 2 * x)
 
 
 def clear_share(tau: F64, front: F64, air_depth: F64) -> F64:
