@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from openswim.cameras import Camera as Camera
     from openswim.cameras.files import load_camera as load_camera
     from openswim.cameras.files import save_camera as save_camera
+    from openswim.colour import save as save
     from openswim.colour import to_rgb as to_rgb
     from openswim.comparison import compare as compare
     from openswim.comparison import correct_clouds as correct_clouds
@@ -56,6 +57,7 @@ _HOME = {
     "open_light": "openswim.lighting",
     "open_scene": "openswim.readers",
     "render": "openswim.rendering",
+    "save": "openswim.colour",
     "save_camera": "openswim.cameras.files",
     "to_rgb": "openswim.colour",
     "write_observations": "openswim.assimilation",
@@ -64,7 +66,7 @@ _HOME = {
 __all__ = [
     "Background", "Camera", "Ground", "Scene", "Solver", "UserError", "__version__", "analyse", "batch", "compare",
     "correct_clouds", "film", "irradiance", "light", "load_camera", "observe", "open_light", "open_scene", "render",
-    "save_camera", "to_rgb", "write_observations",
+    "save", "save_camera", "to_rgb", "write_observations",
 ]  # fmt: skip
 
 

@@ -210,7 +210,7 @@ def _sun(given: Any) -> np.datetime64 | tuple[float, float]:
 
 
 def _look(table: Any) -> tuple[tuple[str, Any], ...]:
-    """How pictures look, as `openswim.colour.save` takes it."""
+    """How pictures look, as `openswim.save` takes it."""
     check_kind("picture", table, dict, "write a table [picture]")
     check_keys(table, _LOOK, "[picture]")
     if "exposure" in table:

@@ -146,7 +146,7 @@ def run(request: RenderRequest) -> None:
 
 
 def look_of(request: RenderRequest) -> dict[str, Any]:
-    """What `openswim.colour.save` is told of how pictures look."""
+    """What `openswim.save` is told of how pictures look."""
     from openswim.colour.exposure import check_exposure, check_gamma
 
     exposure: float | str = request.exposure
