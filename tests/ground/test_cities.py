@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from openswim.ground.cities import BAND_NM, city_radiance, lamp_spectrum, lamps_seen
+from openswim.ground.cities import BAND_NM, city_radiance, lamp_spectrum, sodium_tint
+from openswim.ground.streets import lamps_seen
 from openswim.lights.units import magnitude_of_luminance
 from openswim.scene.ground import Ground
 from openswim.solver import Solver
@@ -48,17 +49,46 @@ def test_clouds_over_a_city():
     assert 6 < overcast / clear < 15
 
 
-@pytest.mark.parametrize("radiance_nw", [0.1, 5.0, 50.0])
-def test_lamps_have_the_light_of_the_map_in_the_mean(radiance_nw):
+@pytest.mark.parametrize("radiance_nw", [0.1, 3.0, 50.0])
+@pytest.mark.parametrize("footprint_m", [1.0, 40.0])
+def test_lamps_have_the_light_of_the_map_in_the_mean(footprint_m, radiance_nw):
+    """Over places in a quarter each, of Europe."""
     rng = np.random.default_rng(5)
-    lat, lon = 47.0 + 0.3 * rng.random(400_000), 11.0 + 0.3 * rng.random(400_000)
-    seen = lamps_seen(lat, lon, 1.0, radiance_nw)
+    lat, lon = 40.0 + 10 * rng.random(200_000), 1.0 + 10 * rng.random(200_000)
+    seen, sodium = lamps_seen(lat, lon, footprint_m, radiance_nw)
     error = seen.std() / np.sqrt(seen.size)
-    assert seen.mean() == pytest.approx(1.0, abs=4 * error)
     assert error < 0.05
-    dark = (seen < 0.01).mean()
-    assert dark > 0.2  # most of the land between lamps
-    np.testing.assert_allclose(lamps_seen(lat[:9], lon[:9], 1000.0, radiance_nw), 1.0)
+    assert seen.mean() == pytest.approx(1.0, abs=0.01 + 3 * error)
+    assert sodium.mean() == pytest.approx(0.5, abs=0.002)
+    assert seen.min() >= 0
+    assert sodium.min() > 0
+    assert sodium.max() < 1
+
+
+def test_lamps_stand_on_dark_land_and_merge_in_wide_pixels():
+    rng = np.random.default_rng(6)
+    lat, lon = 48.0 + rng.random(20_000), 2.0 + rng.random(20_000)
+    village, city = (lamps_seen(lat, lon, 1.0, nw)[0] for nw in (0.1, 50.0))
+    assert (village < 0.01).mean() > 0.9
+    assert (city < 0.01).mean() > 0.3
+    assert city.max() > 15
+    spread = [lamps_seen(lat, lon, width, 50.0)[0].std() for width in (1.0, 30.0, 100.0, 300.0)]
+    assert (np.diff(spread) < 0).all()
+    np.testing.assert_allclose(lamps_seen(lat, lon, 2000.0, 0.1)[0], 1.0, atol=1e-6)
+
+
+def test_nothing_of_a_town_is_cut():
+    """Along lines through a city light has no steps, but where two roads with different lamps meet."""
+    north = 48.0 + np.linspace(0.0, 0.05, 55_001)  # 10 cm apart
+    for lon in (2.1, 2.2, 2.3):
+        seen, _ = lamps_seen(north, lon, 1.0, 50.0)
+        steps = np.abs(np.diff(seen))
+        assert (steps > 0.05 * seen.max()).sum() < 10  # in 5.5 km
+
+
+def test_lamps_are_between_sodium_and_diodes():
+    tint = sodium_tint([450.0, 546.0, 590.0, 615.0])
+    assert tint[0] < tint[1] < 0 < tint[3] < tint[2] < 1
 
 
 def test_a_users_map_is_asked_at_places_of_any_shape(tmp_path):

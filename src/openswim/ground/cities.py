@@ -17,14 +17,12 @@ F64 = NDArray[np.float64]
 # The picture of the Earth at night (NASA) was toned for the eye; its grey is turned back so that middles of large towns
 # have some 30 nW cm-2 sr-1 over cells of 20 km, villages some tenths, and dark land next to nothing
 _SCALE_NW, _GROWTH, _GREY_PER_INDEX = 0.3, 0.06, 2.0
-_DEGREE_M = 111_195.0  # of latitude
-_LATTICE_M, _SPOT_M = 150.0, 15.0  # cells of one lamp at most; the spot that it lights, to 1/sqrt(e)
-_TOWN_NW, _LIT_CELLS = 20.0, (0.02, 0.7)  # radiance over which every cell would have its lamp; least and most that have
 W_M2_SR = 1e-5  # of 1 nW cm-2 sr-1
 BAND_NM = (500.0, 900.0)  # in which such radiance is measured
 # Lamps, half of them sodium and half of them white diodes of 3000 K; any unit
 _LAMP_NM = np.array([380.0, 430.0, 450.0, 480.0, 510.0, 546.0, 570.0, 590.0, 615.0, 650.0, 700.0, 760.0, 820.0, 900.0])
 _LAMP = np.array([0.02, 0.2, 0.55, 0.3, 0.5, 0.85, 1.25, 2.0, 1.5, 0.8, 0.4, 0.2, 0.35, 0.1])
+_SODIUM = np.array([0.02, 0.06, 0.2, 0.15, 0.25, 0.62, 1.35, 2.6, 1.7, 0.6, 0.25, 0.3, 0.6, 0.1])
 
 _MAPS: WeakKeyDictionary[Ground, list] = WeakKeyDictionary()
 
@@ -50,41 +48,10 @@ def city_radiance(lat: ArrayLike, lon: ArrayLike, ground: Ground | None = None, 
     return np.asarray(found)
 
 
-def lamps_seen(lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike, radiance_nw: ArrayLike) -> F64:
-    """What a near eye sees of towns' light over its mean (n,): lamps on dark land, where pixels are smaller than the
-    way from lamp to lamp; 1 where they are larger, and in the mean over a cell of `_LATTICE_M`.
-
-    Invented: one lamp or none in each cell, the more often the brighter the map is, lighting a spot of `_SPOT_M`.
-    """
-    lat, lon, width, bright = np.broadcast_arrays(
-        *(np.asarray(v, float) for v in (lat, lon, footprint_m, radiance_nw))
-    )
-    north = lat * _DEGREE_M
-    j = np.floor(north / _LATTICE_M)
-    east = lon * _DEGREE_M * np.cos(np.radians((j + 0.5) * _LATTICE_M / _DEGREE_M))
-    east = east + _LATTICE_M * _chance(0 * j, j, 3)  # no row stands in line with the next
-    i = np.floor(east / _LATTICE_M)
-    across, along, chance = (_chance(i, j, n) for n in range(3))
-    share = np.clip(bright / _TOWN_NW, *_LIT_CELLS)
-    away_x = east / _LATTICE_M - i - (0.25 + 0.5 * across)
-    away_y = north / _LATTICE_M - j - (0.25 + 0.5 * along)
-    spot = np.hypot(_SPOT_M, 0.4 * np.minimum(width, _LATTICE_M)) / _LATTICE_M
-    seen = np.exp(-0.5 * (away_x**2 + away_y**2) / spot**2) / (2 * np.pi * spot**2)
-    seen = np.where(chance < share, seen / share, 0.0)
-    near = np.exp(-((width / (0.6 * _LATTICE_M)) ** 2))
-    return np.asarray(near * seen + (1 - near))
-
-
-def _chance(i: F64, j: F64, which: int) -> F64:
-    """Evenly spread numbers of [0, 1), the same at every call (the mixer of SplitMix64)."""
-    with np.errstate(over="ignore"):
-        z = i.astype(np.int64).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-        z ^= j.astype(np.int64).astype(np.uint64) * np.uint64(0xC2B2AE3D27D4EB4F)
-        z += np.uint64(which + 1) * np.uint64(0x165667B19E3779F9)
-        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        z ^= z >> np.uint64(31)
-    return np.asarray((z >> np.uint64(11)).astype(float) / 2.0**53)
+def sodium_tint(wavelengths_nm: ArrayLike) -> F64:
+    """How much more (nw,) of sodium's light there is than of diodes' in the mean of both, over that."""
+    sodium, both = (np.interp(np.asarray(wavelengths_nm, float), _LAMP_NM, lamp) for lamp in (_SODIUM, _LAMP))
+    return np.asarray(sodium / both - 1)
 
 
 def _rasters(ground: Ground) -> list:

@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground import earth
 from openswim.ground.albedo import surface_properties
-from openswim.ground.cities import city_radiance, lamps_seen
+from openswim.ground.cities import city_radiance, sodium_tint
 from openswim.ground.footprints import LongFootprints
 from openswim.ground.maps import maps_of
 from openswim.ground.model import ModelGround
 from openswim.ground.reflectance import hemispherical_albedo
 from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
 from openswim.ground.sample import SurfaceSample
+from openswim.ground.streets import lamps_seen
 from openswim.optics.matter import with_own_vapour
 from openswim.scene.aerosol import central_ground_m
 from openswim.scene.frame import Frame
@@ -76,9 +77,12 @@ class SceneSurface:
         if self.lamps is None or (self.scene.grid is not None and not self.scene.grid.curved):
             return None
         bright = city_radiance(lat, lon, self.scene.ground, footprint_m)
+        shining = bright[..., None] * self.lamps
         if detail:
-            bright = bright * lamps_seen(lat, lon, footprint_m, bright)
-        return np.asarray(bright[..., None] * self.lamps)
+            some = np.flatnonzero(bright > 0)
+            seen, sodium = lamps_seen(*(v[some] for v in np.broadcast_arrays(lat, lon, footprint_m, bright)))
+            shining[some] *= seen[:, None] * (1 + (2 * sodium[:, None] - 1) * sodium_tint(self.wavelengths_nm))
+        return np.asarray(shining)
 
     # how high it is
 

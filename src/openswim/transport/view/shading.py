@@ -38,7 +38,7 @@ _DARK = 0.02  # of E_TOA, diffuse flux of a sky with the sun on the horizon
 @dataclass
 class _Ground:
     """The ground that n rays meet: direct beam and diffuse flux (n, PACK), and the cosines (n,) of sun and view, and
-    the azimuth (n,) between them, for its slope."""
+    the azimuth (n,) between them, for its slope; and how much of it a pixel covers (n,)."""
 
     sample: SurfaceSample
     beam: F64
@@ -46,6 +46,7 @@ class _Ground:
     mu_sun: F64
     mu_view: F64
     azimuth: F64
+    footprint_m: F64
 
     def __getitem__(self, where: NDArray[np.int64]) -> _Ground:
         return _Ground(*(getattr(self, f.name)[where] for f in fields(self)))
@@ -102,7 +103,7 @@ def shade(own: Ground, place: F64, direction: F64, width_m: F64) -> F32:
         out[part] = _reflected(lit, own.sky, ground, mirrored)
         if lit.lighting.shining is not None:
             dry = 1 - np.asarray(ground.sample.water, FLOAT)[:, None]  # lamps stand on land
-            out[part] += dry * _own_light(lit, place[part], width_m[part])
+            out[part] += dry * _own_light(lit, place[part], ground.footprint_m)
 
     def share(t: int, threads: int) -> None:
         for start in range(t * _PART, len(place), threads * _PART):
@@ -203,7 +204,7 @@ def _ground(
     cosine = (horizontal_sun * horizontal_view).sum(-1) / np.maximum(
         np.linalg.norm(horizontal_sun, axis=-1) * np.linalg.norm(horizontal_view, axis=-1), 1e-12
     )
-    return _Ground(sample, beam, diffuse, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)))
+    return _Ground(sample, beam, diffuse, facet_sun, facet_view, np.arccos(np.clip(cosine, -1, 1)), footprint)
 
 
 def _long(
@@ -245,10 +246,10 @@ def _reflected(lit: LitGrid, shells: Shells, ground: _Ground, mirrored: F32 | No
     ).astype(FLOAT)  # fmt: skip
 
 
-def _own_light(lit: LitGrid, place: F64, width_m: F64) -> F32:
-    """L' (n, nw) that the ground shines with at places (n, 3)."""
+def _own_light(lit: LitGrid, place: F64, footprint_m: F64) -> F32:
+    """L' (n, nw) that the ground shines with at places (n, 3), of which pixels cover so much (n,)."""
     lat, lon, _ = lit.frame.latlon(place)
-    found = lit.surface.shining(lat, lon, width_m, detail=True)
+    found = lit.surface.shining(lat, lon, footprint_m, detail=True)
     return np.zeros((len(place), PACK), FLOAT) if found is None else found.astype(FLOAT)
 
 
