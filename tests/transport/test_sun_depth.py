@@ -211,6 +211,21 @@ def test_where_the_earth_bends_neighbours_see_their_own_suns(
         assert abs(depth - own).mean() < mean * own.mean()
 
 
+@pytest.mark.parametrize("first_deg", [9.3, 10.1, 11.0])
+def test_haze_along_the_terminator_dims_the_sun_wherever_it_lies(first_deg: float) -> None:
+    """As geometry has it in every column with the sun near the horizon, also in those that share a pack with columns
+    in the Earth's shadow."""
+    (nz, _, nx), cell, radius, k = (30, 3, 32), (69e3, 69e3, 500.0), 6.371e6, 18
+    altitude = first_deg - np.degrees(cell[0] / radius) * np.arange(nx)
+    sun = np.array([toward(270.0, a) for a in altitude])
+    depth = depth_to_sun(np.full((nz, 3, nx), 2e-6), sun, cell, False, True, radius)[k, 1]
+    near = np.abs(altitude) < 1.5
+    assert near[16:].any()
+    down = (radius + k * cell[2]) * np.sin(np.radians(altitude))
+    way = np.sqrt(down**2 + 2 * radius * (nz - 1 - k) * cell[2]) - down
+    np.testing.assert_allclose(depth[near], 2e-6 * way[near], rtol=0.01)
+
+
 @pytest.mark.parametrize("exact", [True, False])
 def test_no_depth_is_negative_beside_steep_clouds(exact: bool) -> None:
     """Between nodes that see slightly different suns, steep fields are not continued below nothing."""

@@ -261,7 +261,7 @@ def _row_to_sun(k, j, grid, scratch, ray, turn):
         turn[2] = (sun[j, end - 1, 2] - sun[j, i, 2]) / steps
         for follow in (True, False):
             last = grid.followed[k] if follow else grid.passed[k]
-            if sun[j, (i + end) // 2, 2] < dark:
+            if max(sun[j, i, 2], sun[j, end - 1, 2]) < dark:
                 continue
             _aim(sun[j, (i + end) // 2], cell_m, lowest, ray)
             if wide and last > k + _FOLLOWED and _moved(ray, _CLOUDS_M, radius_m) < 1.0:
