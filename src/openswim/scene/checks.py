@@ -138,7 +138,8 @@ def checked_values(
     changed = float(np.abs(values - clipped).sum(dtype=np.float64))
     kept = float(np.abs(clipped).sum(dtype=np.float64))
     noise = highest <= spec.high * 1.01 and (lowest >= spec.low or changed <= _CLIPPED_SHARE * kept)
-    little = _LITTLE * (spec.high - spec.low)  # where there is nothing else, noise has no sum to be compared with
+    # where there is nothing else, noise has no sum to be compared with
+    little = _LITTLE * (spec.high - spec.low) if spec.noise is None else spec.noise
     noise = noise or (lowest >= spec.low - little and highest <= spec.high + little)
     if not (spec.clip and noise):
         hint = f" ({spec.hint})" if spec.hint else ""
