@@ -36,6 +36,31 @@ def test_a_notebook_shows_a_line():
     assert "depth 0 at" in repr(replace(clear.atmosphere, aerosol=None))
 
 
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_a_scene_is_not_in_the_memory_of_its_arrays(dtype):
+    """Nor does what becomes of the arrays afterwards become of the scene."""
+    content, albedo, terrain = np.full(SHAPE, 1e-4, dtype), np.full(SHAPE[1:], 0.5, dtype), np.zeros(SHAPE[1:], dtype)
+    cloud = xr.DataArray(np.full(SHAPE, 0.02, dtype), dims=("z", "y", "x"), attrs={"units": "m-1"})
+    axes = {name: axis.astype(dtype) for name, axis in AXES.items()}
+    axes["z_m"] = np.broadcast_to(axes["z_m"][:, None, None], SHAPE).copy()
+    scene = Scene.from_arrays(
+        cloud, **axes, fields={"ice_content": content}, surface_albedo=albedo, terrain_m=terrain
+    )
+    before = scene.data.copy(deep=True)
+    kept = [*(scene.data[name].values for name in scene.data.data_vars), scene.grid.x, scene.grid.y]
+    theirs = [content, albedo, terrain, cloud.values, *axes.values()]
+    for array in theirs:
+        assert not any(np.shares_memory(array, each) for each in [*kept, scene.grid.height_m])
+        array[...] = 7.0
+    assert scene.data.identical(before)
+    assert scene.data.ice_content.values.flags.c_contiguous
+
+
+def test_what_readers_hand_over_is_not_copied():
+    content = np.full(SHAPE, 1e-4, np.float32)
+    assert np.shares_memory(_scene(ice_content=content).data.ice_content.values, content)
+
+
 def test_from_arrays_keeps_what_it_is_given():
     extinction = np.random.default_rng(0).uniform(0, 0.02, SHAPE)
     scene = Scene.from_arrays(

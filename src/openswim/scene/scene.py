@@ -186,6 +186,8 @@ class Scene:
         projection = _projection(crs)
         x, y = (_across(name, values, projection) for name, values in (("x_m", x_m), ("y_m", y_m)))
         z = _in_units("z_m", z_m, LEVEL_DIMS if getattr(z_m, "ndim", 1) == 3 else ("z",), "m")
+        if z.ndim == 3:  # Grid keeps float32 as it is, and this is the caller's
+            z = np.array(z, np.float32, order="C")
         grid = Grid(x, y, z, projection, earth_radius_m, periodic)
         extinction_per_m = {} if extinction_per_m is None else extinction_per_m
         extinctions = extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
@@ -338,6 +340,7 @@ def _across(name: str, values: Any, projection: CRS | None) -> NDArray[Any]:
 
 def _fields(arrays: Mapping[str, Any], grid: Grid, notes: list[str]) -> xr.Dataset:
     """Arrays by name of a variable, in its units and its order of dimensions."""
+    given: dict[str, NDArray[Any]] = {}
     fields: dict[str, xr.DataArray] = {}
     for name in sorted(arrays, key=lambda name: name not in STATE):  # mixing ratios need pressure and temperature
         spec = variable(name)
@@ -347,8 +350,9 @@ def _fields(arrays: Mapping[str, Any], grid: Grid, notes: list[str]) -> xr.Datas
             raise UserError(
                 f"scene: {name} has shape {array.shape}; on this grid ({', '.join(spec.dims)}) is {shape}"
             )
+        given[name] = array.values
         fields[name] = in_units(name, array, spec.units, fields, notes)
-    return xr.Dataset(fields)
+    return xr.Dataset({name: (field.dims, _own(field.values, given[name])) for name, field in fields.items()})
 
 
 def _labelled(name: str, values: Any, dims: Sequence[str]) -> xr.DataArray:
@@ -357,6 +361,11 @@ def _labelled(name: str, values: Any, dims: Sequence[str]) -> xr.DataArray:
     said = values.attrs if isinstance(values, xr.DataArray) else {}
     names = dims if array.ndim == len(dims) else [f"axis {number}" for number in range(array.ndim)]
     return xr.DataArray(array, dims=names, attrs={"units": said["units"]} if "units" in said else {})
+
+
+def _own(values: NDArray[Any], given: NDArray[Any]) -> NDArray[np.float32]:
+    """Values as a scene keeps them, in memory that is not the caller's; what was converted is no longer there."""
+    return values.astype(np.float32, order="C", copy=np.may_share_memory(values, given))
 
 
 def _in_units(name: str, values: Any, dims: Sequence[str], units: str) -> NDArray[Any]:
