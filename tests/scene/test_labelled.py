@@ -115,3 +115,20 @@ def test_dimensions_that_say_nothing_are_taken_by_place():
     values = np.arange(64.0).reshape(4, 4, 4) * 1e-4
     found = Scene.from_arrays(xr.DataArray(values), **CUBE).data.extinction_cloud  # dim_0, dim_1, dim_2
     np.testing.assert_array_equal(found, values.astype(np.float32))
+
+
+def test_gaps_below_the_ground_are_filled_as_in_a_file():
+    content = np.full(SHAPE, 1e-5, np.float32)
+    content[0] = np.nan
+    pressure = np.array([np.nan, 9e4])[:, None, None] * np.ones(SHAPE)
+    given = dict(fields={"ice_content": content, "air_pressure": pressure})
+    scene = Scene.from_arrays(None, **AXES, terrain_m=np.full(SHAPE[1:], 5.0), **given)
+    assert not scene.data.ice_content[0].any()
+    np.testing.assert_allclose(scene.data.ice_content[1], 1e-5)
+    np.testing.assert_array_equal(scene.data.air_pressure, 9e4)
+    assert "ice_content: 12 missing values below the terrain filled" in scene.notes
+    assert np.isnan(content[0]).all()
+    with pytest.raises(UserError, match="12 missing values"):  # of the level at the ground itself
+        Scene.from_arrays(None, **AXES, terrain_m=np.zeros(SHAPE[1:]), **given)
+    with pytest.raises(UserError, match="12 missing values"):
+        Scene.from_arrays(None, **AXES, **given)

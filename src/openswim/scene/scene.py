@@ -16,7 +16,7 @@ from openswim.arguments import check_kind, number, numbers, shown, takes
 from openswim.errors import UserError, one_line
 from openswim.scene.aerosol import DEFAULT_AEROSOL
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
+from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset, fill_below_ground
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.ground import Ground
 from openswim.scene.labels.dimensions import ordered
@@ -352,6 +352,7 @@ def _fields(arrays: Mapping[str, Any], grid: Grid, notes: list[str]) -> xr.Datas
             )
         given[name] = array.values
         fields[name] = in_units(name, array, spec.units, fields, notes)
+    fill_below_ground(fields, grid, notes)
     return xr.Dataset({name: (field.dims, _own(field.values, given[name])) for name, field in fields.items()})
 
 
