@@ -15,8 +15,8 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.readers import describe, open_scene, states_of
 from openswim.readers.common.base import iso
-from openswim.readers.common.units import conversion
 from openswim.scene import Scene
+from openswim.scene.labels.units import conversion
 from openswim.scene.procedural import demo_scene
 
 LEVELS = np.array([100.0, 600.0, 1500.0])
@@ -119,7 +119,7 @@ def test_mixing_ratios_take_the_density_of_air(tmp_path):
     density = 100.0 * pressure / (287.0 * 280.0)
     np.testing.assert_allclose(scene.data.liquid_content, CONTENT * density, rtol=1e-6)
     np.testing.assert_allclose(scene.data.ice_number, 1e4 * density, rtol=1e-6)
-    with pytest.raises(UserError, match="must hold air_pressure and air_temperature"):
+    with pytest.raises(UserError, match="give air_pressure and air_temperature too"):
         _read(tmp_path, _dataset(liquid_content=state["liquid_content"]))
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 from openswim.errors import UserError
 from openswim.scene import Grid, Optics, Scene
 from openswim.scene.phase import HenyeyGreenstein
+from openswim.scene.variables import variable
 
 AXES = dict(x_m=np.arange(4) * 10.0, y_m=np.arange(3) * 10.0, z_m=np.arange(2) * 10.0)
 SHAPE = (2, 3, 4)
@@ -33,6 +34,31 @@ def test_a_notebook_shows_a_line():
     assert repr(scene.grid) == "<Grid: 4 x 3 x 2 nodes; 0 to 10 m; flat>"
     assert len(repr(clear.atmosphere)) < 120
     assert "depth 0 at" in repr(replace(clear.atmosphere, aerosol=None))
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_a_scene_is_not_in_the_memory_of_its_arrays(dtype):
+    """Nor does what becomes of the arrays afterwards become of the scene."""
+    content, albedo, terrain = np.full(SHAPE, 1e-4, dtype), np.full(SHAPE[1:], 0.5, dtype), np.zeros(SHAPE[1:], dtype)
+    cloud = xr.DataArray(np.full(SHAPE, 0.02, dtype), dims=("z", "y", "x"), attrs={"units": "m-1"})
+    axes = {name: axis.astype(dtype) for name, axis in AXES.items()}
+    axes["z_m"] = np.broadcast_to(axes["z_m"][:, None, None], SHAPE).copy()
+    scene = Scene.from_arrays(
+        cloud, **axes, fields={"ice_content": content}, surface_albedo=albedo, terrain_m=terrain
+    )
+    before = scene.data.copy(deep=True)
+    kept = [*(scene.data[name].values for name in scene.data.data_vars), scene.grid.x, scene.grid.y]
+    theirs = [content, albedo, terrain, cloud.values, *axes.values()]
+    for array in theirs:
+        assert not any(np.shares_memory(array, each) for each in [*kept, scene.grid.height_m])
+        array[...] = 7.0
+    assert scene.data.identical(before)
+    assert scene.data.ice_content.values.flags.c_contiguous
+
+
+def test_what_readers_hand_over_is_not_copied():
+    content = np.full(SHAPE, 1e-4, np.float32)
+    assert np.shares_memory(_scene(ice_content=content).data.ice_content.values, content)
 
 
 def test_from_arrays_keeps_what_it_is_given():
@@ -118,6 +144,34 @@ def test_noise_in_clear_air_is_noise():
     assert not _scene(liquid_content=np.full(SHAPE, -1e-9)).data.liquid_content.any()
     with pytest.raises(UserError, match=r"from -1e-06 to 0 kg m-3; it must lie within 0 to 0.1"):
         _scene(liquid_content=np.append(np.full(23, -1e-6), 0.0).reshape(SHAPE))
+
+
+@pytest.mark.parametrize(
+    ("name", "typical", "noise"),
+    [("extinction_dust", 0.02, 1e-9), ("extinction_dust", 1e-4, 1e-9), ("aerosol_extinction", 1e-4, 1e-9),
+     ("ice_number", 1e4, 0.1), ("liquid_number", 1e8, 0.1), ("rain_number", 1e2, 0.1), ("ice_content", 1e-5, 1e-10),
+     ("liquid_effective_radius", 1e-5, 1e-11), ("snow_depth", 0.1, 1e-6), ("precipitable_water", 10.0, 1e-6),
+     ("snow_area_fraction", 0.5, 1e-8)],
+)  # fmt: skip
+def test_what_is_below_zero_is_less_than_a_tenth_or_nothing(name, typical, noise):
+    """Whatever range the table leaves to a field."""
+    shape = SHAPE[1:] if variable(name).dims == ("y", "x") else SHAPE
+    grid, optics = Grid(AXES["x_m"], AXES["y_m"], AXES["z_m"]), {}
+    if name == "extinction_dust":
+        optics["dust"] = Optics(1.0, HenyeyGreenstein(0.7))
+
+    def scene(first: float, second: float) -> Scene:
+        values = np.zeros(shape)
+        values.flat[:2] = first, second
+        return Scene(grid, xr.Dataset({name: (("z", "y", "x")[3 - len(shape) :], values)}), optics=optics)
+
+    for low, high in ((-0.09 * typical, typical), (-noise, 0.0)):  # a little beside more; almost nothing
+        clipped = scene(low, high)
+        assert float(clipped.data[name].min()) == 0.0
+        assert f"{name}: 1 of {np.prod(shape)} values below 0" in " ".join(clipped.notes)
+    for low, high in ((-0.11 * typical, typical), (-typical, 0.0)):
+        with pytest.raises(UserError, match=f"{name} runs from .*it must lie within 0 to"):
+            scene(low, high)
 
 
 def test_noise_is_clipped_and_told():

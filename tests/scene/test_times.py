@@ -3,6 +3,7 @@
 from datetime import UTC, date, datetime, timedelta, timezone
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -22,6 +23,12 @@ SPELLINGS = [
     datetime(2024, 6, 1, 7, tzinfo=timezone(timedelta(hours=-5))),
     np.datetime64("2024-06-01T12"),
     np.datetime64("2024-06-01T12:00:00.000000000"),
+    np.array("2024-06-01T12:00", "datetime64[ns]"),
+    xr.DataArray(np.array(["2024-06-01T12:00", "2024-06-01T13:00"], "datetime64[ns]"), dims="time")[0],
+    xr.DataArray("2024-06-01T12:00Z"),
+    pd.Timestamp("2024-06-01T12:00"),
+    pd.Period("2024-06-01T12:00", freq="h"),
+    pd.period_range("2024-06-01T11:30", periods=3, freq="30min")[1],
 ]
 
 

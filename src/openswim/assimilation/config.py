@@ -19,7 +19,7 @@ from openswim.cameras.files import load_camera
 from openswim.cameras.toml_text import read_toml
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened, reading
-from openswim.readers.common.units import conversion
+from openswim.scene.labels.units import conversion
 from openswim.scene.times import parse_time
 from openswim.system.inputs import check_ordinary, check_within
 

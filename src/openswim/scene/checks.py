@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from openswim.arguments import shown
 from openswim.errors import UserError
 from openswim.scene.grid import Grid
+from openswim.scene.labels.units import STATE, has_value
 from openswim.scene.particles import WAVELENGTHS_NM
 from openswim.scene.variables import Variable, variable
 
@@ -35,6 +36,27 @@ def checked_dataset(data: xr.Dataset, grid: Grid | None) -> tuple[xr.Dataset, li
                 "metres above sea level"
             )
     return xr.Dataset(fields, coords=_coordinates(data, grid), attrs=dict(data.attrs)), notes
+
+
+def fill_below_ground(fields: dict[str, xr.DataArray], grid: Grid, notes: list[str]) -> None:
+    """Missing values below the terrain are usual on height or pressure levels and matter to nothing."""
+    if "surface_altitude" not in fields:
+        return
+    height = grid.height_m if grid.height_m.ndim == 3 else grid.height_m[:, None, None]
+    ground = fields["surface_altitude"].transpose("y", "x").values
+    for name, field in fields.items():
+        if set(field.dims) != {"z", "y", "x"}:
+            continue
+        values = field.transpose("z", "y", "x").values
+        gaps = ~has_value(values) & (height < ground)
+        if not gaps.any():
+            continue
+        values = np.where(gaps, 0.0, values).astype(values.dtype)
+        if name in STATE:
+            for level in range(values.shape[0] - 2, -1, -1):
+                values[level] = np.where(gaps[level], values[level + 1], values[level])
+        notes.append(f"{name}: {int(gaps.sum())} missing values below the terrain filled")
+        fields[name] = xr.DataArray(values, dims=("z", "y", "x"))
 
 
 def _coordinates(data: xr.Dataset, grid: Grid | None) -> dict[str, Any]:
@@ -116,7 +138,8 @@ def checked_values(
     changed = float(np.abs(values - clipped).sum(dtype=np.float64))
     kept = float(np.abs(clipped).sum(dtype=np.float64))
     noise = highest <= spec.high * 1.01 and (lowest >= spec.low or changed <= _CLIPPED_SHARE * kept)
-    little = _LITTLE * (spec.high - spec.low)  # where there is nothing else, noise has no sum to be compared with
+    # where there is nothing else, noise has no sum to be compared with
+    little = _LITTLE * (spec.high - spec.low) if spec.noise is None else spec.noise
     noise = noise or (lowest >= spec.low - little and highest <= spec.high + little)
     if not (spec.clip and noise):
         hint = f" ({spec.hint})" if spec.hint else ""

@@ -16,9 +16,11 @@ from openswim.arguments import check_kind, number, numbers, shown, takes
 from openswim.errors import UserError, one_line
 from openswim.scene.aerosol import DEFAULT_AEROSOL
 from openswim.scene.atmosphere import Atmosphere
-from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset
+from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset, fill_below_ground
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.ground import Ground
+from openswim.scene.labels.dimensions import ordered
+from openswim.scene.labels.units import STATE, canonical, converted, in_units
 from openswim.scene.oddities.values import odd_time
 from openswim.scene.optics import Optics
 from openswim.scene.phase import HenyeyGreenstein, PhaseFunction
@@ -168,7 +170,7 @@ class Scene:
 
         extinction_per_m : (nz, ny, nx) extinction [m-1] at nodes, trilinear between them; or a dict of such
             arrays by species name (None for none). A bare array is the species "cloud". DataArrays, here
-            and below, may have their dimensions z, y, x in any order.
+            and below, may have their dimensions z, y, x in any order, and are converted from the units that they say.
         x_m, y_m, z_m : node coordinates [m] (x_m and y_m in the units of `crs` where one is given);
             z_m is (nz,) or (nz, ny, nx).
         single_scattering_albedo, phase, kind : for all species, or dicts by name. Default phase: HG, g = .85.
@@ -181,9 +183,12 @@ class Scene:
         place : (latitude, longitude) [degrees] of a flat scene, for the sun's position.
         fields : further variables of docs/scene-format.md, e.g. {"liquid_content": (nz, ny, nx)}.
         """
-        given = {"x_m": x_m, "y_m": y_m, "z_m": _ordered(z_m, LEVEL_DIMS)}
-        x, y, z = (numbers(f"scene: {name}", values) for name, values in given.items())
-        grid = Grid(x, y, z, _projection(crs), earth_radius_m, periodic)
+        projection = _projection(crs)
+        x, y = (_across(name, values, projection) for name, values in (("x_m", x_m), ("y_m", y_m)))
+        z = _in_units("z_m", z_m, LEVEL_DIMS if getattr(z_m, "ndim", 1) == 3 else ("z",), "m")
+        if z.ndim == 3:  # Grid keeps float32 as it is, and this is the caller's
+            z = np.array(z, np.float32, order="C")
+        grid = Grid(x, y, z, projection, earth_radius_m, periodic)
         extinction_per_m = {} if extinction_per_m is None else extinction_per_m
         extinctions = extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
         optics = {
@@ -199,8 +204,9 @@ class Scene:
         arrays = {f"{DIRECT_PREFIX}{name}": values for name, values in extinctions.items()} | dict(fields)
         if terrain_m is not None:
             arrays["surface_altitude"] = terrain_m
-        data = xr.Dataset({name: _labelled(name, values, grid) for name, values in arrays.items()})
-        notes = _taken(grid, data, atmosphere, surface_albedo)
+        told: list[str] = []
+        data = _fields(arrays, grid, told)
+        notes = _taken(grid, data, atmosphere, surface_albedo) + told
         if atmosphere == "default":
             atmosphere = Atmosphere.us_standard() if grid.curved else None
         if surface_albedo is None and not grid.curved and "surface_albedo" not in data:
@@ -233,13 +239,13 @@ class Scene:
             Default: that of the US standard.
         """
         lat, lon = _checked_place((lat, lon))
-        albedo = numbers("scene: surface_albedo", surface_albedo).astype(np.float32)
+        albedo = _in_units("surface_albedo", surface_albedo, (WAVELENGTH_DIM,), "1").astype(np.float32)
         if albedo.ndim > 1:
             raise UserError(f"scene: surface_albedo has shape {albedo.shape}; it must be a number or (wavelengths)")
         data = xr.Dataset(
             {
                 "surface_albedo": ((WAVELENGTH_DIM,) if albedo.ndim else (), albedo),
-                "surface_altitude": ((), np.float32(number("scene: terrain_m", terrain_m))),
+                "surface_altitude": ((), np.float32(_in_units("terrain_m", terrain_m, (), "m"))),
             }
         )
         if water_vapour_cm is not None:
@@ -323,24 +329,54 @@ def _for_species(value: Any, name: str) -> Any:
     return value[name]
 
 
-def _labelled(name: str, values: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[Any]]:
-    dims = variable(name).dims
-    array = numbers(f"scene: {name}", _ordered(values, dims))
-    shape = grid.shape[3 - len(dims) :]
-    if array.shape != shape:
-        raise UserError(f"scene: {name} has shape {array.shape}; on this grid ({', '.join(dims)}) is {shape}")
-    return dims, array
+def _across(name: str, values: Any, projection: CRS | None) -> NDArray[Any]:
+    """An axis x_m or y_m: metres, or degrees where those of the projection are."""
+    array = _labelled(name, values, name[:1])
+    angles = projection is not None and projection.is_geographic
+    if not angles and canonical(str(array.attrs.get("units"))) == "degrees":
+        raise UserError(f'scene: {name} is in degrees: give crs="EPSG:4326" for longitude and latitude, or metres')
+    return converted(f"scene: {name}", array, "degrees" if angles else "m")
 
 
-def _ordered(values: Any, dims: Sequence[str]) -> Any:
-    """A DataArray of these dimensions with them in this order; anything else as it is."""
-    named = isinstance(values, xr.DataArray) and set(values.dims) == set(dims)
-    return values.transpose(*dims) if named else values
+def _fields(arrays: Mapping[str, Any], grid: Grid, notes: list[str]) -> xr.Dataset:
+    """Arrays by name of a variable, in its units and its order of dimensions."""
+    given: dict[str, NDArray[Any]] = {}
+    fields: dict[str, xr.DataArray] = {}
+    for name in sorted(arrays, key=lambda name: name not in STATE):  # mixing ratios need pressure and temperature
+        spec = variable(name)
+        array = _labelled(name, arrays[name], spec.dims)
+        shape = grid.shape[3 - len(spec.dims) :]
+        if array.shape != shape:
+            raise UserError(
+                f"scene: {name} has shape {array.shape}; on this grid ({', '.join(spec.dims)}) is {shape}"
+            )
+        given[name] = array.values
+        fields[name] = in_units(name, array, spec.units, fields, notes)
+    fill_below_ground(fields, grid, notes)
+    return xr.Dataset({name: (field.dims, _own(field.values, given[name])) for name, field in fields.items()})
+
+
+def _labelled(name: str, values: Any, dims: Sequence[str]) -> xr.DataArray:
+    """Numbers with these dimensions, and with the units that they say; nothing else of what they are labelled with."""
+    array = numbers(f"scene: {name}", ordered(f"scene: {name}", values, dims))
+    said = values.attrs if isinstance(values, xr.DataArray) else {}
+    names = dims if array.ndim == len(dims) else [f"axis {number}" for number in range(array.ndim)]
+    return xr.DataArray(array, dims=names, attrs={"units": said["units"]} if "units" in said else {})
+
+
+def _own(values: NDArray[Any], given: NDArray[Any]) -> NDArray[np.float32]:
+    """Values as a scene keeps them, in memory that is not the caller's; what was converted is no longer there."""
+    return values.astype(np.float32, order="C", copy=np.may_share_memory(values, given))
+
+
+def _in_units(name: str, values: Any, dims: Sequence[str], units: str) -> NDArray[Any]:
+    """Numbers in the units that a scene has them in."""
+    return converted(f"scene: {name}", _labelled(name, values, dims), units)
 
 
 def _albedo(surface_albedo: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[np.float32]]:
-    dims = (*SURFACE_DIMS, WAVELENGTH_DIM)[: getattr(surface_albedo, "ndim", 0)]
-    albedo = numbers("scene: surface_albedo", _ordered(surface_albedo, dims)).astype(np.float32)
+    dims = (*SURFACE_DIMS, WAVELENGTH_DIM) if getattr(surface_albedo, "ndim", 2) == 3 else SURFACE_DIMS
+    albedo = _in_units("surface_albedo", surface_albedo, dims, "1").astype(np.float32)
     if albedo.ndim == 0:
         albedo = np.full(grid.shape[1:], albedo)
     if albedo.ndim not in (2, 3) or albedo.shape[:2] != grid.shape[1:]:
@@ -356,7 +392,7 @@ def _with_wavelengths(data: xr.Dataset, wavelength_nm: ArrayLike | None) -> xr.D
     if WAVELENGTH_DIM not in data.dims:
         return data
     given = DEFAULT_WAVELENGTH_NM if wavelength_nm is None else wavelength_nm
-    wavelengths = numbers("scene: wavelength_nm", given).astype(np.float64)
+    wavelengths = _in_units("wavelength_nm", given, (WAVELENGTH_DIM,), "nm").astype(np.float64)
     if wavelengths.shape != (data.sizes[WAVELENGTH_DIM],):
         raise UserError(
             f"scene: surface_albedo has {data.sizes[WAVELENGTH_DIM]} wavelengths; wavelength_nm lists "

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, date, datetime
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.arguments import shown
@@ -22,17 +24,28 @@ _UNITS_S = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 
 
 def parse_time(time: Time) -> np.datetime64 | None:
-    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64. Leap seconds,
-    which no clock of ours has, end the second before."""
+    """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64, arrays of one
+    without dimensions, and the start of a period of pandas. Leap seconds, which no clock of ours has, end the second
+    before."""
     if time is None:
         return None
     try:
-        stamp = _of_text(time.strip()) if isinstance(time, str) else time
+        alone = _alone(time)
+        stamp = _of_text(alone.strip()) if isinstance(alone, str) else alone
         if isinstance(stamp, datetime) and stamp.tzinfo is not None:
             stamp = stamp.astimezone(UTC).replace(tzinfo=None)
         return np.datetime64(stamp).astype("datetime64[ms]")
     except (ValueError, OverflowError, TypeError) as error:
         raise UserError(f"time {shown(time)} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
+
+
+def _alone(time: Any) -> Any:
+    """What stands in an array without dimensions; the first moment of a period of pandas, whose hours numpy drops."""
+    if isinstance(time, xr.DataArray):
+        time = time.values
+    if isinstance(time, np.ndarray) and time.ndim == 0:
+        time = time[()]
+    return getattr(time, "start_time", time)
 
 
 def _of_text(text: str) -> datetime:

@@ -26,6 +26,7 @@ class Variable:
     standard_name: str | None = None
     dims: tuple[str, ...] = LEVEL_DIMS
     clip: bool = False  # values just outside the range are numerical noise and are clipped
+    noise: float | None = None  # how far outside any value may be, where nothing else is; None: 1e-7 of the range
     hint: str = ""  # the likely cause of values out of range
 
 
@@ -53,9 +54,9 @@ def _fraction(long_name: str, standard_name: str) -> Variable:
 
 def _hydrometeors() -> dict[str, Variable]:
     kinds = (
-        ("content", "kg m-3", "mass content of", 0.1, "is it in g m-3, or a mixing ratio?"),
-        ("effective_radius", "m", "effective radius of", 0.1, "is it in micrometres?"),
-        ("number", "m-3", "number concentration of", 1e13, "is it a fill value?"),
+        ("content", "kg m-3", "mass content of", 0.1, None, "is it in g m-3, or a mixing ratio?"),
+        ("effective_radius", "m", "effective radius of", 0.1, None, "is it in micrometres?"),
+        ("number", "m-3", "number concentration of", 1e13, 1.0, "is it a fill value?"),
     )
     return {
         f"{species}_{suffix}": Variable(
@@ -65,10 +66,11 @@ def _hydrometeors() -> dict[str, Variable]:
             high,
             _STANDARD.get(f"{species}_{suffix}"),
             clip=True,
+            noise=noise,
             hint=hint,
         )
         for species in HYDROMETEORS
-        for suffix, units, what, high, hint in kinds
+        for suffix, units, what, high, noise, hint in kinds
     }
 
 
@@ -127,7 +129,7 @@ VARIABLES: dict[str, Variable] = _hydrometeors() | {
         "m s-1", "northward wind 10 m above ground", -150.0, 150.0, "northward_wind", SURFACE_DIMS
     ),
 }
-_DIRECT = Variable("m-1", "extinction coefficient", 0.0, 1e6, clip=True, hint="is it a fill value?")
+_DIRECT = Variable("m-1", "extinction coefficient", 0.0, 1e6, clip=True, noise=1e-7, hint="is it a fill value?")
 
 
 def is_known(name: str) -> bool:

@@ -16,17 +16,15 @@ from openswim.errors import UserError
 from openswim.optics.aerosol import aerosol_optics, described_profile
 from openswim.readers.common.base import naming
 from openswim.readers.common.opening import reading
-from openswim.readers.common.units import canonical, conversion, has_value
 from openswim.scene import Grid, Optics, plausible
 from openswim.scene.aerosol import DEFAULT_AEROSOL, AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.cf import AEROSOL, FIELDS, PROFILES, VAPOUR_PROFILE
-from openswim.scene.checks import WAVELENGTH_DIM
+from openswim.scene.checks import WAVELENGTH_DIM, fill_below_ground
+from openswim.scene.labels.units import STATE, converted, in_units
 from openswim.scene.phase import by_wavelength, phases_from_dict
 from openswim.scene.variables import DIRECT_PREFIX, is_known, variable
 
-DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
-_PER_MASS = {"kg kg-1": ("kg m-3", 1.0), "g kg-1": ("kg m-3", 1e-3), "kg-1": ("m-3", 1.0)}
 _NO_OPTICS = "attributes not as docs/scene-format.md describes"
 _GLOBAL = ("openswim_layout", FIELDS, "earth_radius_m", "periodic_sides", "atmosphere")
 _OPTICAL = (
@@ -35,18 +33,20 @@ _OPTICAL = (
 _OF_LAYERS = (*AerosolProfile.__dataclass_fields__, "aerosol_type")
 _WORDS = ("aerosol_type", "name")  # attributes of layers that are no JSON
 _ALIKE = 0.75
-_STATE = ("air_pressure", "air_temperature")
 
 
 def fields_of(data: xr.Dataset, grid: Grid | None, notes: list[str]) -> xr.Dataset:
     """The known variables of an upright dataset at one time, in the units of a scene."""
     names = [str(name) for name in data.data_vars if is_known(str(name))]
-    names.sort(key=lambda name: name not in _STATE)  # mixing ratios need pressure and temperature
+    names.sort(key=lambda name: name not in STATE)  # mixing ratios need pressure and temperature
     fields: dict[str, xr.DataArray] = {}
     for name in names:
-        fields[name] = _in_si(name, data[name], fields, notes)
+        expected = variable(name).units
+        if "units" not in data[name].attrs and expected != "1":
+            notes.append(f"{name} gives no units: taken as {expected}")
+        fields[name] = in_units(name, data[name], expected, fields, notes)
     if grid is not None:
-        _fill_below_ground(fields, grid, notes)
+        fill_below_ground(fields, grid, notes)
     coords: dict[str, Any] = {
         name: float(data[name])
         for name in ("latitude", "longitude")
@@ -96,7 +96,7 @@ def high_bottom(data: xr.Dataset, grid: Grid | None) -> list[str]:
         return []
     if "surface_altitude" not in data:
         return plausible.high_bottom(grid.height_m[0], None)
-    terrain = _converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
+    terrain = converted("surface_altitude", data["surface_altitude"].transpose("y", "x"), "m")
     return plausible.high_bottom(grid.height_m[0], terrain)
 
 
@@ -147,9 +147,9 @@ def atmosphere_of(data: xr.Dataset, notes: list[str]) -> Atmosphere | None:
         )
     columns = {}
     for name, (target, attributes) in PROFILES.items():
-        columns[target] = _converted(name, data[name], attributes["units"])
+        columns[target] = converted(name, data[name], attributes["units"])
     if VAPOUR_PROFILE in data.variables:
-        columns["vapour_kg_m3"] = _converted(VAPOUR_PROFILE, data[VAPOUR_PROFILE], "kg m-3")
+        columns["vapour_kg_m3"] = converted(VAPOUR_PROFILE, data[VAPOUR_PROFILE], "kg m-3")
     return Atmosphere(**columns, aerosol=aerosol)
 
 
@@ -174,60 +174,8 @@ def _layer(name: str, attributes: Mapping[Any, Any]) -> AerosolProfile:
         return described_profile(described)
 
 
-def _in_si(name: str, field: xr.DataArray, state: dict[str, xr.DataArray], notes: list[str]) -> xr.DataArray:
-    expected = variable(name).units
-    found = field.attrs.get("units")
-    if found is None:
-        if expected != "1":
-            notes.append(f"{name} gives no units: taken as {expected}")
-        return field
-    per_volume, factor = _PER_MASS.get(canonical(str(found)), ("", 0.0))
-    if per_volume == expected:
-        if not all(needed in state for needed in _STATE):
-            raise UserError(
-                f"{name} is in {shown(found)}: to make it {expected!r} the file must hold air_pressure "
-                "and air_temperature, or convert it first"
-            )
-        notes.append(f"{name} converted from {found} with the density of dry air")
-        pressure, temperature = (state[needed] for needed in _STATE)
-        return field * (factor * pressure / (DRY_AIR_GAS_CONSTANT * temperature))
-    return field.copy(data=_converted(name, field, expected))
-
-
-def _converted(name: str, field: xr.DataArray, expected: str) -> NDArray[Any]:
-    found = str(field.attrs.get("units", expected))
-    factor = conversion(found, expected)
-    if factor is None:
-        raise UserError(f"{name} is in {shown(found)}; it must be in {expected!r}: convert it")
-    if factor == (1.0, 0.0):
-        return field.values
-    precise = np.result_type(field.dtype, np.float32)  # whole numbers become fractions
-    return (factor[0] * field.values.astype(np.float64) + factor[1]).astype(precise)
-
-
 def _wavelengths(axis: xr.DataArray) -> NDArray[np.float64]:
-    return np.asarray(_converted(WAVELENGTH_DIM, axis, "nm"), dtype=np.float64)
-
-
-def _fill_below_ground(fields: dict[str, xr.DataArray], grid: Grid, notes: list[str]) -> None:
-    """Missing values below the terrain are usual on height or pressure levels and matter to nothing."""
-    if "surface_altitude" not in fields:
-        return
-    height = grid.height_m if grid.height_m.ndim == 3 else grid.height_m[:, None, None]
-    ground = fields["surface_altitude"].transpose("y", "x").values
-    for name, field in fields.items():
-        if set(field.dims) != {"z", "y", "x"}:
-            continue
-        values = field.transpose("z", "y", "x").values
-        gaps = ~has_value(values) & (height < ground)
-        if not gaps.any():
-            continue
-        values = np.where(gaps, 0.0, values).astype(values.dtype)
-        if name in _STATE:
-            for level in range(values.shape[0] - 2, -1, -1):
-                values[level] = np.where(gaps[level], values[level + 1], values[level])
-        notes.append(f"{name}: {int(gaps.sum())} missing values below the terrain filled")
-        fields[name] = xr.DataArray(values, dims=("z", "y", "x"))
+    return np.asarray(converted(WAVELENGTH_DIM, axis, "nm"), dtype=np.float64)
 
 
 def _json(name: str, attribute: str, text: Any) -> Any:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from openswim.arguments import number
 from openswim.errors import UserError
-from openswim.readers.common.units import canonical, conversion
 from openswim.scene import Grid
 from openswim.scene.cf import GRID_MAPPING
 from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.labels.units import canonical, conversion
 
 if TYPE_CHECKING:
     from pyproj import CRS

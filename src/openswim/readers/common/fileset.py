@@ -21,7 +21,7 @@ from openswim.readers.common.bounds import check_size
 from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
-from openswim.readers.common.units import check_decimals, conversion, has_value
+from openswim.scene.labels.units import check_decimals, conversion, has_value
 from openswim.scene.times import Time, rounded
 
 _SINGLES = (*MEMBER_DIMS, "bnds")

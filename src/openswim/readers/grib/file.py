@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.readers.common.units import has_value
 from openswim.readers.grib.codes import Meaning, aerosol_meaning, grib1_meaning, grib2_meaning
 from openswim.readers.grib.sections import Damaged, Sections, fields_in, message, packing
+from openswim.scene.labels.units import has_value
 
 MAX_POINTS = 100_000_000  # of one field: 800 MB, decoded
 _MISSING = 9.999e20

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.common.fileset import FileSet, values
-from openswim.readers.common.units import conversion
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.gaps import Gaps
 from openswim.readers.gridded.horizontal import Horizontal, horizontal
 from openswim.readers.gridded.names import CONTENTS, RADII, STATE, Quantity, matches
+from openswim.scene.labels.units import conversion
 from openswim.scene.oddities.damage import copied_levels
 
 F32 = NDArray[np.float32]

@@ -16,12 +16,12 @@ from openswim.errors import UserError
 from openswim.readers.common.base import cells_off
 from openswim.readers.common.bounds import check_size
 from openswim.readers.common.fileset import FileSet, values
-from openswim.readers.common.units import conversion
 from openswim.readers.domain.cutting import select
 from openswim.readers.domain.mesh import Mesh
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.domain.selection import Selection
 from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.labels.units import conversion
 
 if TYPE_CHECKING:
     from pyproj import CRS

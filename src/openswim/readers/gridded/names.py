@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import xarray as xr
 
-from openswim.readers.common.units import conversion
+from openswim.scene.labels.units import conversion
 
 
 @dataclass(frozen=True)

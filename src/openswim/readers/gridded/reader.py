@@ -27,7 +27,6 @@ from openswim.readers.common.clock import start_of_undated, undated
 from openswim.readers.common.fileset import FileSet, Part, opened_set
 from openswim.readers.common.members import member_numbers
 from openswim.readers.common.opening import opened, reading
-from openswim.readers.common.units import canonical
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields import air
 from openswim.readers.fields.absent import (
@@ -51,6 +50,7 @@ from openswim.readers.gridded.vertical import Levels, levels_of
 from openswim.scene import Grid, Scene
 from openswim.scene.atmosphere import Atmosphere
 from openswim.scene.checks import checked_values
+from openswim.scene.labels.units import canonical
 from openswim.scene.variables import HYDROMETEORS, Variable
 
 F32 = NDArray[np.float32]

@@ -17,12 +17,12 @@ from openswim.readers.common.base import Time
 from openswim.readers.common.bounds import check_sizes
 from openswim.readers.common.clock import start_of_undated
 from openswim.readers.common.kept import first_bytes
-from openswim.readers.common.units import check_decimals
 from openswim.readers.domain.neighbourhood import Neighbourhood
 from openswim.readers.fields.particles import Category, checked_content, known_sizes, together
 from openswim.readers.gridded.reader import GriddedReader
 from openswim.scene import Grid, Scene
 from openswim.scene.grid import EARTH_RADIUS_M
+from openswim.scene.labels.units import check_decimals
 from openswim.scene.times import since_1970_s
 
 F32 = NDArray[np.float32]

@@ -18,7 +18,7 @@ from openswim.readers.common.base import Time, open_netcdf, pick_time
 from openswim.readers.common.bounds import check_size
 from openswim.readers.common.fileset import dates_of
 from openswim.readers.common.kept import leave, take
-from openswim.readers.common.units import check_decimals, has_value
+from openswim.scene.labels.units import check_decimals, has_value
 
 MASS_LEVELS = ("bottom_top", "south_north", "west_east")
 FULL_LEVELS = ("bottom_top_stag", "south_north", "west_east")

@@ -1,14 +1,21 @@
-"""The few unit conversions a scene file may need, without a unit library."""
+"""The few unit conversions that files and labelled arrays may need, without a unit library."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.errors import UserError
+
+STATE = ("air_pressure", "air_temperature")
+DRY_AIR_GAS_CONSTANT = 287.0  # J kg-1 K-1
+_PER_MASS = {"kg kg-1": ("kg m-3", 1.0), "g kg-1": ("kg m-3", 1e-3), "kg-1": ("m-3", 1.0)}
 
 _UNNAMED_FILL = -9999.0
 
@@ -134,3 +141,32 @@ def check_decimals(what: str, kind: str, units: str) -> None:
             f"{what} holds whole numbers, but {units} of water are far below one: its decimals or its scale_factor are "
             "lost: write it as floating-point numbers"
         )
+
+
+def in_units(
+    name: str, field: xr.DataArray, expected: str, state: Mapping[str, xr.DataArray], notes: list[str]
+) -> xr.DataArray:
+    """A field in the expected units, which it has where it says nothing; what is per mass of air needs the `state`."""
+    found = str(field.attrs.get("units", expected))
+    per_volume, factor = _PER_MASS.get(canonical(found), ("", 0.0))
+    if per_volume != expected:
+        return field.copy(data=converted(name, field, expected))
+    if not all(needed in state for needed in STATE):
+        raise UserError(
+            f"{name} is in {shown(found)}: to make it {expected!r} give {' and '.join(STATE)} too, or convert it first"
+        )
+    notes.append(f"{name} converted from {found} with the density of dry air")
+    pressure, temperature = (state[needed] for needed in STATE)
+    return field * (factor * pressure / (DRY_AIR_GAS_CONSTANT * temperature))
+
+
+def converted(name: str, field: xr.DataArray, expected: str) -> NDArray[Any]:
+    """The values of a field in the expected units, which it has where it says nothing."""
+    found = str(field.attrs.get("units", expected))
+    factor = conversion(found, expected)
+    if factor is None:
+        raise UserError(f"{name} is in {shown(found)}; it must be in {expected!r}: convert it")
+    if factor == (1.0, 0.0):
+        return field.values
+    precise = np.result_type(field.dtype, np.float32)  # whole numbers become fractions
+    return (factor[0] * field.values.astype(np.float64) + factor[1]).astype(precise)

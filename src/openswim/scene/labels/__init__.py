@@ -1,0 +1,1 @@
+"""What labelled arrays and variables of files say of themselves: their units and their dimensions."""
