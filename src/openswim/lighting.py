@@ -122,8 +122,9 @@ def light(
     if not scene_frame(scene).curved and _DUSK_DEG < (altitude := azimuth_altitude(day.direction)[1]) < 0:
         warnings.warn(
             f"the sun is {-altitude:.1f} degrees below the horizon of a flat Earth, which has no dusk: it lights "
-            "nothing; give a sun above the horizon, or open the file at a place (around=; --lat and --lon)", stacklevel=3,
-        )  # fmt: skip
+            "nothing; give a sun above the horizon, or open the file at a place (around=; --lat and --lon)",
+            stacklevel=3,
+        )
     lamps = None if sun is not None or when is None else _lamps(scene, when, day, wavelengths)
     at = None if sun is not None else when
     if lamps is None or chosen.name == "reference" or _is_day(lamps):

@@ -1,7 +1,7 @@
 """Options that several commands share, and what they ask for."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -111,6 +111,12 @@ frame_options = stacked(  # of compare and correct-clouds
     click.option("--encoding",
                  help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]"),
 )  # fmt: skip
+
+
+def tell_notes(notes: Iterable[str]) -> None:
+    """Print what was assumed, a line each, to stderr."""
+    for note in notes:
+        click.echo(f"note: {note}", err=True)
 
 
 def known_to(command: click.Command | None, message: str) -> str:

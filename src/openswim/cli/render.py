@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from openswim.arguments import shown
+from openswim.cli.options import tell_notes
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
@@ -124,8 +125,7 @@ def run(request: RenderRequest) -> None:
     if any(shape is not None for shape in shapes):
         scene = with_shapes(scene, *shapes)
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
-    for note in scene.notes:
-        click.echo(f"note: {note}", err=True)
+    tell_notes(scene.notes)
     whole = request.fov_deg is not None or request.camera_file is not None
     if request.view == "satellite" and not whole and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
