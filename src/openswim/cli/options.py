@@ -88,7 +88,8 @@ observer_options = stacked(  # of render and film: `RenderRequest` has them
                  help="Of the middle of a perspective, degrees above the horizon.  [default: 10]"),
     click.option("--fov", "fov_deg", type=float,
                  help="Of allsky, perspective and satellite: field of view across the width, degrees.  [default: 180; "
-                 "60; the whole Earth]"),
+                 "60; of satellite the scene's domain where the point below lies in it, else the whole Earth, as from "
+                 "100,000 km and more]"),
     click.option("--size",
                  help="Pixels: COLUMNS, or COLUMNSxROWS.  [default: allsky and satellite 800, panorama and sphere "
                  "1440, perspective 900]"),
