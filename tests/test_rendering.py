@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -270,6 +271,16 @@ def test_the_sun_over_a_flat_scene_is_that_of_its_place() -> None:
     assert image.attrs["sun_altitude_deg"] == pytest.approx(sun.refracted_altitude_deg, abs=0.01)
     with pytest.raises(UserError, match="flat scene without a place: give it latitude"):
         openswim.render(grid_scene({}, (4, 5, 6), time=TIME), Camera.allsky(x_m=0.0, y_m=0.0, size=8))
+
+
+@pytest.mark.parametrize(("altitude", "curved", "told"), [(-4, False, True), (-20, False, False), (4, False, False),
+                                                          (-4, True, False)])  # fmt: skip
+def test_a_flat_earth_without_dusk_is_told(monkeypatch, altitude: float, curved: bool, told: bool) -> None:
+    """Only where a curved Earth has dusk; warnings are errors here."""
+    monkeypatch.setattr(Solver, "solve", lambda *_, **__: None)
+    dark = pytest.warns(UserWarning, match=r"4\.0 degrees below .* flat Earth, which has no dusk")
+    with dark if told else nullcontext():
+        light(grid_scene({}, (4, 5, 6), curved=curved), sun=(180.0, altitude))
 
 
 def test_observers_outside_a_flat_domain_learn_its_extent() -> None:

@@ -32,6 +32,7 @@ from openswim.transport import EarlierLight, Field
 F64 = NDArray[np.float64]
 
 WAVELENGTHS_NM = (615.0, 546.0, 450.0)  # the paper's red, green, blue
+_DUSK_DEG = -18.0  # the sun's altitude at which astronomical twilight ends
 
 
 def daylight(scene: Scene, time: Any = None, sun: tuple[float, float] | None = None) -> Daylight:
@@ -118,6 +119,12 @@ def light(
     day = daylight(scene, time, sun)
     when = scene.time if time is None else parse_time(time)
     chosen = solver_of(solver)
+    if not scene_frame(scene).curved and _DUSK_DEG < (altitude := azimuth_altitude(day.direction)[1]) < 0:
+        warnings.warn(
+            f"the sun is {-altitude:.1f} degrees below the horizon of a flat Earth, which has no dusk: it lights "
+            "nothing; give a sun above the horizon, or open the file at a place (around=; --lat and --lon)",
+            stacklevel=3,
+        )
     lamps = None if sun is not None or when is None else _lamps(scene, when, day, wavelengths)
     at = None if sun is not None else when
     if lamps is None or chosen.name == "reference" or _is_day(lamps):

@@ -88,6 +88,63 @@ def test_sixteen_bits_in_three_channels(tmp_path):
         np.testing.assert_array_equal(read_picture(tmp_path / "a.tif").counts, deep)
 
 
+# as EXIF 2.32 says of tag 274 which side of the upright picture the stored row 0 and column 0 are
+STORED = {
+    1: lambda up: up, 2: np.fliplr, 3: lambda up: np.rot90(up, 2), 4: np.flipud, 5: lambda up: np.swapaxes(up, 0, 1),
+    6: lambda up: np.rot90(up, 1), 7: lambda up: np.rot90(np.swapaxes(up, 0, 1), 2), 8: lambda up: np.rot90(up, -1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("orientation", STORED)
+def test_pictures_are_read_upright(tmp_path, orientation):
+    """By the orientation that EXIF states: of 8 and 16 bits, with transparency, and once only where Pillow turns."""
+    stored, exif = STORED[orientation], Image.Exif()
+    exif[274] = orientation
+    cut = np.concatenate([COLOUR, np.full((6, 5, 1), 255, np.uint8)], axis=-1)
+    for name, upright in (("a.png", COLOUR), ("b.tif", COLOUR), ("c.png", DEEP), ("d.tif", DEEP), ("e.png", cut)):
+        Image.fromarray(np.ascontiguousarray(stored(upright))).save(tmp_path / name, exif=exif)
+        expected = COLOUR if upright is cut else upright
+        np.testing.assert_array_equal(read_picture(tmp_path / name).counts, expected, name)
+    smooth = np.linspace(0, 200, 24)[:, None, None] + np.linspace(0, 50, 16)[:, None] * np.ones(3)
+    kept = np.ascontiguousarray(stored(smooth)).astype(np.uint8)
+    Image.fromarray(kept).save(tmp_path / "f.jpg", exif=exif, quality=95)
+    np.testing.assert_allclose(read_picture(tmp_path / "f.jpg").counts, smooth, atol=6)
+
+
+@pytest.mark.parametrize("orientation", STORED)
+def test_deep_pictures_are_read_upright(tmp_path, orientation):
+    """Those that Pillow cuts to 8 bits (PNG, interleaved TIFF), or does not know (planar TIFF)."""
+    rasterio = pytest.importorskip("rasterio")
+    deep = np.stack([DEEP, DEEP + 7, DEEP + 700], axis=-1)
+    stored, exif = np.ascontiguousarray(STORED[orientation](deep)), Image.Exif()
+    exif[274] = orientation
+    rows, columns = stored.shape[:2]
+    whole, tags = png(stored.reshape(rows, -1).reshape(rows, columns, 3), 16, 2), exif.tobytes()[6:]
+    chunk = struct.pack(">I", len(tags)) + b"eXIf" + tags + struct.pack(">I", zlib.crc32(b"eXIf" + tags))
+    (tmp_path / "a.png").write_bytes(whole[:33] + chunk + whole[33:])
+    np.testing.assert_array_equal(read_picture(tmp_path / "a.png").counts, deep)
+    for interleave in ("pixel", "band"):
+        with pytest.warns(rasterio.errors.NotGeoreferencedWarning), rasterio.open(
+            tmp_path / "a.tif", "w", driver="GTiff", width=columns, height=rows, count=3, dtype="uint16",
+            interleave=interleave, photometric="RGB",
+        ) as file:  # fmt: skip
+            file.write(np.moveaxis(stored, -1, 0))
+        with_tag(tmp_path / "a.tif", orientation)
+        np.testing.assert_array_equal(read_picture(tmp_path / "a.tif").counts, deep)
+
+
+def with_tag(path, orientation):
+    """Put the orientation into a TIFF: its directory anew at the end of the file, with one entry more."""
+    content = path.read_bytes()
+    (at,) = struct.unpack_from("<I", content, 4)
+    (count,) = struct.unpack_from("<H", content, at)
+    entries = [content[at + 2 + 12 * i : at + 14 + 12 * i] for i in range(count)]
+    entries.append(struct.pack("<HHII", 274, 3, 1, orientation))
+    entries.sort(key=lambda entry: struct.unpack_from("<H", entry))
+    directory = struct.pack("<H", count + 1) + b"".join(entries) + b"\0" * 4
+    path.write_bytes(content[:4] + struct.pack("<I", len(content)) + content[8:] + directory)
+
+
 def test_fits_of_every_kind(tmp_path):
     path = tmp_path / "a.fits"
     signed = (DEEP.astype(np.int32) - 32768).astype(">i2")
@@ -141,7 +198,7 @@ def test_damaged_files_are_refused_in_one_line(tmp_path):
             read_picture(path)
 
 
-def dng(counts, black, white):
+def dng(counts, black, white, orientation=1):
     """The least Digital Negative: one strip of 16-bit counts behind red, green, green, blue filters."""
     rows, columns = counts.shape
     ascii_, short, long_, byte, signed, ratio = 2, 3, 4, 1, 10, 5
@@ -149,7 +206,8 @@ def dng(counts, black, white):
     tags = [
         (254, long_, 1, 0), (256, long_, 1, columns), (257, long_, 1, rows), (258, short, 1, 16), (259, short, 1, 1),
         (262, short, 1, 32803), (271, ascii_, 5, b"Test\0"), (272, ascii_, 5, b"Test\0"), (273, long_, 1, "strip"),
-        (277, short, 1, 1), (278, long_, 1, rows), (279, long_, 1, counts.size * 2), (284, short, 1, 1),
+        (274, short, 1, orientation), (277, short, 1, 1), (278, long_, 1, rows), (279, long_, 1, counts.size * 2),
+        (284, short, 1, 1),
         (33421, short, 2, struct.pack("<HH", 2, 2)), (33422, byte, 4, b"\0\1\1\2"), (50706, byte, 4, b"\1\4\0\0"),
         (50708, ascii_, 5, b"Test\0"), (50714, short, 1, black), (50717, short, 1, white), (50721, signed, 9, unit),
         (50728, ratio, 3, struct.pack("<IIIIII", 1, 1, 1, 1, 1, 1)), (50778, short, 1, 21),
@@ -178,3 +236,12 @@ def test_raw_files_are_linear(tmp_path):
     picture = read_picture(tmp_path / "a.dng")
     assert picture.counts.shape == (64, 80, 3)
     np.testing.assert_allclose(picture.counts[20:40, 20:40].mean(axis=(0, 1)) / 65535, [0.25, 0.75, 0.5], atol=0.002)
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6, 8])  # what cameras write
+def test_raw_files_are_read_upright(tmp_path, orientation):
+    pytest.importorskip("rawpy")
+    upright = np.add.outer(np.arange(64) * 30, np.arange(80) * 10) + 512
+    (tmp_path / "a.dng").write_bytes(dng(STORED[orientation](upright), 512, 4512, orientation))
+    counts = read_picture(tmp_path / "a.dng").counts[8:-8, 8:-8, 1] / 65535
+    np.testing.assert_allclose(counts, (upright[8:-8, 8:-8] - 512) / 4000, atol=0.01)

@@ -10,12 +10,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from pyproj import CRS
 
 import openswim
+from openswim import Camera, Scene
 from openswim.cameras.views import VIEWS
 from openswim.cli.main import run
 from openswim.cli.options import VIEWS as VIEWS_OF_OPTIONS
-from openswim.cli.render import RenderRequest, irradiance_line
+from openswim.cli.render import RenderRequest, ends_of, irradiance_line
 from openswim.errors import UserError
 from openswim.pictures.viewpoint import LOOKED_AT
 
@@ -74,6 +76,21 @@ def test_of_large_domains_the_part_that_the_view_needs_is_read(world) -> None:
     assert ground.radius_m < aloft.radius_m < 1e6
     assert ground.radius_m < ground.far_m < aloft.far_m < 1e6
     assert flat is None
+
+
+def test_from_space_it_is_told_that_clouds_end_with_the_domain() -> None:
+    """Where a pixel shows ground beyond it; pixels of the sky, and all of a global grid, are no matter."""
+    scene, whole = (Scene.from_arrays({}, x, y, [0.0, 1e3], crs=CRS.from_proj4("+proj=longlat +R=6371000"))
+                    for x, y in ((np.arange(0.0, 5), np.arange(40.0, 45)), (np.arange(360.0), np.arange(-89.5, 90))))
+    high = Camera.satellite(42.0, 2.0, height_m=8e5)
+
+    def told(lat: list[float], lon: list[float], camera: Camera = high, of: Scene = scene) -> int:
+        return len(ends_of(xr.Dataset({"latitude": ("y", lat), "longitude": ("y", lon)}), camera, of))
+
+    assert told([40.1, np.nan], [3.9, np.nan]) == 0
+    assert told([40.1, 46.0], [3.9, 3.0]) == told([42.0], [-2.0]) == 1
+    assert told([89.9, -90.0, 0.0], [10.0, 359.7, -0.4], of=whole) == 0
+    assert told([46.0], [3.0], Camera.allsky(42.0, 2.0, height_m=9e3)) == 0
 
 
 def test_irradiance_is_told_by_night_as_well() -> None:

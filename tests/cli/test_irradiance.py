@@ -218,3 +218,24 @@ def test_rows_that_were_left_out_are_told(
     assert run([*BESIDE, "--station", str(table), "-o", str(tmp_path / "out.csv")]) == 0
     said = capsys.readouterr().err.splitlines()
     assert f"note: {table}: 1 of 13 rows have not as many columns as there are names: left out" in said
+
+
+def test_an_imager_is_told_what_was_assumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The notes that `openswim render` prints, once each, and among them that the file knows no place."""
+    rows = [f"{i} {j} {k} {0.1 * (k == 1):.2f} 10.0" for i in range(4) for j in range(4) for k in range(4)]
+    file = tmp_path / "les.txt"
+    file.write_text("\n".join(["# a cloud", "4 4 4", "2.0 2.0 0.1 0.2 0.3 0.4", *rows]) + "\n")
+
+    def stopped(*_: object, **__: object) -> None:
+        raise openswim.UserError("seen enough")
+
+    monkeypatch.setattr("openswim.satellites.picture.reflectance", stopped)
+    assert run(["satellite", str(file), "--band", "C02", "--grid", "full", "-o", str(tmp_path / "a.nc")]) == 2
+    said = capsys.readouterr().err
+    place = "no place in the file: its centre is laid at 0, -75"
+    assert said.count(f"note: {place}\n") == 1
+    notes = openswim.open_scene(file, around=(0.0, -75.0)).notes
+    assert place in notes
+    assert all(f"note: {note}\n" in said for note in notes)

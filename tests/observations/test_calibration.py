@@ -211,6 +211,22 @@ def test_a_day_of_sun_at_a_wrong_place_or_time_gives_no_camera(tmp_path):
         calibrate(frames, LAT, LON, settings=UTC, by="moon")
 
 
+def test_a_dark_frame_of_a_place_where_it_is_day_is_told_so(of_stars, tmp_path, day):
+    """A starry frame with another zone, alone and among others; a grey day keeps its own line."""
+    noon = "2024-01-15T12:00"
+    up = f"{sun_position(noon, LAT, LON).refracted_altitude_deg:.1f} degrees up at that place and time"
+    with pytest.raises(UserError, match=f"no sun in this frame, which is dark, while the sun is {up}: the time, "):
+        calibrate(of_stars[0], LAT, LON, time=noon)
+    copies = [tmp_path / f"sky_20240115T{hour}0000.png" for hour in (11, 12)]
+    for copy in copies:
+        shutil.copy(of_stars[0], copy)
+    with pytest.raises(UserError, match=r"found in 0 of 2 .*which is dark, while the sun is"):
+        calibrate(copies, LAT, LON, settings=UTC)
+    grey = spot_frame(tmp_path / "grey_20240610_120000.png", day[0], DAY[5], overcast=True)
+    with pytest.raises(UserError, match="no sun in this frame; give 6 frames"):
+        calibrate(grey, LAT, LON, settings=UTC)
+
+
 def test_what_gives_no_camera_is_refused(tmp_path, day):
     optics, frames = day
     with pytest.raises(UserError, match="one sun tells no camera"):

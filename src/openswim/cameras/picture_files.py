@@ -1,5 +1,6 @@
 """Counts in picture files: JPEG, PNG, JPEG 2000, TIFF, FITS, and the raw files of cameras."""
 
+import contextlib
 import stat
 import warnings
 from collections.abc import Callable
@@ -19,11 +20,20 @@ MOST_PIXELS = 400_000_000
 MOST_BYTES = 4_000_000_000
 _SAMPLED = ("I;16", "I;16B", "I;16L", "I", "F", "L", "RGB")
 _BITS_PER_SAMPLE = 258  # tag of TIFF
+_ORIENTATION = 274  # tag of EXIF and TIFF
+# what is done, in this order, to a picture with that orientation: rows and columns change places, are turned round
+_UPRIGHT = {
+    2: (False, False, True), 3: (False, True, True), 4: (False, True, False), 5: (True, False, False),
+    6: (True, False, True), 7: (True, True, True), 8: (True, True, False),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Counts as the file has them, (ny, nx) or (ny, nx, 3), row 0 on top (of FITS: the first in the file)."""
+    """Counts as the file has them, (ny, nx) or (ny, nx, 3), row 0 on top (of FITS: the first in the file).
+
+    On top is what viewers show there: by the orientation that the file states, in EXIF or a tag of TIFF.
+    """
 
     counts: NDArray[Any]
     full_scale: float  # the count at which the format ends
@@ -100,26 +110,29 @@ def _of_decimals(counts: NDArray[Any]) -> tuple[NDArray[Any], float]:
 def _read_pillow(path: Path) -> Picture:
     from PIL import Image, UnidentifiedImageError
 
-    try:
-        opened: Image.Image = Image.open(path)
-    except UnidentifiedImageError:
-        with path.open("rb") as stream:
-            if stream.read(4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
+    with contextlib.ExitStack() as both:
+        # a stream, not a path: of a TIFF mapped into memory Pillow 13 takes the width of the upright picture for stored
+        stream = both.enter_context(path.open("rb"))
+        try:
+            image: Image.Image = both.enter_context(Image.open(stream))
+        except UnidentifiedImageError:
+            if _head(path)[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
                 return _read_deep(path)
-        raise UserError(f"{path}: is no picture that can be read: JPEG, PNG, JPEG 2000, TIFF, FITS or raw") from None
-    with opened as image:
+            told = "is no picture that can be read: JPEG, PNG, JPEG 2000, TIFF, FITS or raw"
+            raise UserError(f"{path}: {told}") from None
         _check_size(path, image.width, image.height)
-        bits = getattr(image, "tag_v2", {}).get(_BITS_PER_SAMPLE, 8) if opened.format == "TIFF" else 8
+        bits = getattr(image, "tag_v2", {}).get(_BITS_PER_SAMPLE, 8) if image.format == "TIFF" else 8
         if image.mode in ("RGB", "RGBA", "RGBX") and np.max(bits) > 8:
             return _read_deep(path)  # Pillow makes 8 bits of interleaved ones without a word
-        exif = _exif(image)
+        image.load()  # with which Pillow turns a TIFF, and takes its orientation away
+        turn, exif = _orientation(image), _exif(image)
         if image.has_transparency_data:
-            every = np.asarray(image.convert("RGBA"))
+            every = _upright(np.asarray(image.convert("RGBA")), turn)
             return Picture(every[..., :3] * (every[..., 3:] == 255), 255.0, exif=exif)  # what is cut out is black
         if image.mode not in _SAMPLED:
             one = image.mode in ("1", "LA", "La")
             image = image.convert("L" if one else "RGB")
-        counts = np.asarray(image)
+        counts = _upright(np.asarray(image), turn)
         if image.mode == "F":
             return Picture(*_of_decimals(counts), exif=exif)
         if image.mode == "I":
@@ -135,14 +148,46 @@ def _read_deep(path: Path) -> Picture:
         if data.colorinterp[-1].name == "alpha":
             whole = data.read(data.count)
             bands = bands * (whole == np.iinfo(whole.dtype).max)
-    counts = bands[0] if len(bands) == 1 else np.moveaxis(bands, 0, -1)
+    counts = _upright(bands[0] if len(bands) == 1 else np.moveaxis(bands, 0, -1), _orientation_of_file(path))
     if counts.dtype.kind == "u":
         return Picture(counts, float(np.iinfo(counts.dtype).max))
     return Picture(*_of_decimals(counts))
 
 
+def _upright(counts: NDArray[Any], orientation: int) -> NDArray[Any]:
+    """Counts as viewers show them, of those stored with an orientation (EXIF 2.32, tag 274: 1 to 8)."""
+    transposed, rows, columns = _UPRIGHT.get(orientation, (False, False, False))
+    counts = np.swapaxes(counts, 0, 1) if transposed else counts
+    return np.ascontiguousarray(counts[:: -1 if rows else 1, :: -1 if columns else 1])
+
+
+def _orientation(image: Any) -> int:
+    """Of an opened image; 1, upright, where it states none."""
+    try:
+        return int(image.getexif().get(_ORIENTATION, 1))
+    except Exception:  # damaged metadata do not spoil the picture
+        return 1
+
+
+def _orientation_of_file(path: Path) -> int:
+    """Of a file whose pixels Pillow does not read as they are, or not at all."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            return _orientation(image)
+    except UnidentifiedImageError:  # a TIFF, whose tags are laid out as EXIF is
+        tags = Image.Exif()
+    try:
+        with path.open("rb") as stream:
+            tags.load_from_fp(stream)
+        return int(tags.get(_ORIENTATION, 1))
+    except Exception:  # likewise
+        return 1
+
+
 def _read_raw(path: Path) -> Picture:
-    """Linear counts: the sensor's, in the camera's own primaries, without white balance or gamma."""
+    """Linear counts: the sensor's, in the camera's own primaries, without white balance or gamma; upright."""
     try:
         import rawpy
     except ImportError:
@@ -151,7 +196,7 @@ def _read_raw(path: Path) -> Picture:
         _check_size(path, raw.sizes.width, raw.sizes.height)
         counts = raw.postprocess(
             gamma=(1, 1), no_auto_bright=True, output_bps=16, use_camera_wb=False, user_wb=[1, 1, 1, 1],
-            output_color=rawpy.ColorSpace.raw, user_flip=0,
+            output_color=rawpy.ColorSpace.raw,
         )  # fmt: skip
     return Picture(counts, 65535.0)
 

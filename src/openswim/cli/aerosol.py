@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from openswim.cli.options import check_plot
+from openswim.cli.options import check_plot, tell_notes
 from openswim.errors import UserError
 from openswim.scene.files import check_targets, written_whole
 
@@ -96,8 +96,7 @@ def _sunphotometer(request: FitRequest, wavelengths: list[float]) -> _Particles:
     if request.modes or request.indices or request.irregular or request.type_name:
         raise UserError("give --aeronet alone, or --type, or --mode and --index")
     found = read_aeronet(list(request.aeronet), request.time)
-    for note in found.notes:
-        click.echo(f"note: {note}", err=True)
+    tell_notes(found.notes)
     if found.spherical < 1 and not found.phase:
         share = f"{100 * (1 - found.spherical):.0f} %"
         click.echo(f"note: {share} are no spheres: taken as irregular particles, as no table of spheroids is at hand "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from openswim.cli.options import tell_notes
 from openswim.cli.render import RenderRequest, camera_of, look_of, neighbourhood, solver_of
 from openswim.errors import UserError
 from openswim.scene.times import interval_s
@@ -91,8 +92,7 @@ def _run(request: FilmRequest) -> None:
         picture.file, around=around, member=picture.member, allow_references=picture.allow_references
     )
     shots = shots_of(weather, camera, every, path, request.frames_per_second, request.speed, request.start, request.end)
-    for note in weather.first.notes:
-        click.echo(f"note: {note}", err=True)
+    tell_notes(weather.first.notes)
     solver = solver_of(picture)
     count = f"{len(shots)} frame{'s' if len(shots) > 1 else ''}"
     middle, times = shots[len(shots) // 2].time, len({shot.time for shot in shots})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from openswim.cli.options import check_plot
+from openswim.cli.options import check_plot, tell_notes
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
@@ -125,8 +125,7 @@ def _tell(series: Series, lat: float, lon: float, times: np.ndarray, request: Ir
 
     count = solves(series, lat, lon, times)
     scene = series.scene(next(number for number, _ in series.weights(times)))
-    for note in scene.notes:
-        click.echo(f"note: {note}", err=True)
+    tell_notes(scene.notes)
     wavelengths = _options(request).get("wavelengths_nm", WAVELENGTHS_NM)
     one = estimate(
         scene, Pictured((8, 8), request.height_m), request.solver, wavelengths,
@@ -142,8 +141,7 @@ def _aeronet(request: IrradianceRequest) -> Sunphotometer | None:
     from openswim.stations.aeronet import read_aeronet
 
     found = read_aeronet(list(request.aeronet), request.start, None if request.start is None else request.end)
-    for note in found.notes:
-        click.echo(f"note: {note}", err=True)
+    tell_notes(found.notes)
     lacking = "" if found.albedo else "; its single-scattering albedo is not in them: .95"
     click.echo(f"aerosol by AERONET: optical depth {found.depth_at(550.0):.3f} at 550 nm{lacking}", err=True)
     return found

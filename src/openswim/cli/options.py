@@ -1,7 +1,7 @@
 """Options that several commands share, and what they ask for."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -88,7 +88,8 @@ observer_options = stacked(  # of render and film: `RenderRequest` has them
                  help="Of the middle of a perspective, degrees above the horizon.  [default: 10]"),
     click.option("--fov", "fov_deg", type=float,
                  help="Of allsky, perspective and satellite: field of view across the width, degrees.  [default: 180; "
-                 "60; the whole Earth]"),
+                 "60; of satellite the scene's domain where the point below lies in it, else the whole Earth, as from "
+                 "100,000 km and more]"),
     click.option("--size",
                  help="Pixels: COLUMNS, or COLUMNSxROWS.  [default: allsky and satellite 800, panorama and sphere "
                  "1440, perspective 900]"),
@@ -111,6 +112,12 @@ frame_options = stacked(  # of compare and correct-clouds
     click.option("--encoding",
                  help="Of the counts: srgb, linear, or an exponent.  [default: srgb of 8 bits, else linear]"),
 )  # fmt: skip
+
+
+def tell_notes(notes: Iterable[str]) -> None:
+    """Print what was assumed, a line each, to stderr."""
+    for note in notes:
+        click.echo(f"note: {note}", err=True)
 
 
 def known_to(command: click.Command | None, message: str) -> str:

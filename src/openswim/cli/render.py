@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from openswim.arguments import shown
+from openswim.cli.options import tell_notes
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
@@ -124,8 +125,7 @@ def run(request: RenderRequest) -> None:
     if any(shape is not None for shape in shapes):
         scene = with_shapes(scene, *shapes)
     scene = for_wavelengths(with_aerosol_of(request, scene, sun.get("time")), np.array(wavelengths))
-    for note in scene.notes:
-        click.echo(f"note: {note}", err=True)
+    tell_notes(scene.notes)
     whole = request.fov_deg is not None or request.camera_file is not None
     if request.view == "satellite" and not whole and camera.height_m < FULL_DISC_M:
         camera = framed(camera, scene.levels[-1])
@@ -140,6 +140,7 @@ def run(request: RenderRequest) -> None:
     chosen |= {"sparse": LOOKED_AT} if looked_at else {}
     start = time.perf_counter()
     image = openswim.render(scene, camera, solver=solver, **sun | chosen)
+    tell_notes(ends_of(image, camera, scene.levels[-1]))
     report(image)
     write(image, request.outputs, look)
     click.echo(f"{', '.join(map(str, request.outputs))}: {time.perf_counter() - start:.1f} s")
@@ -247,6 +248,23 @@ def framed(camera: "Camera", scene: "Scene") -> "Camera":
     half = 0.5 * math.hypot((nx - 1) * dx, (ny - 1) * dy)
     fov = 2 * math.degrees(math.atan2(0.85 * half, camera.height_m))
     return replace(camera, fov_deg=min(fov, camera.fov_deg))
+
+
+def ends_of(image: "xr.Dataset", camera: "Camera", scene: "Scene") -> list[str]:
+    """What is to be said of an image from space that shows more of the Earth than a scene's domain."""
+    import numpy as np
+
+    from openswim.pictures.observer import SPACE_M
+
+    grid = scene.grid
+    if grid is None or not grid.curved or camera.height_m < SPACE_M:
+        return []
+    lat, lon = image["latitude"].values, image["longitude"].values
+    there = np.isfinite(lat) & np.isfinite(lon)
+    ix, iy = grid.index(lon[there], lat[there])
+    _, ny, nx = grid.shape
+    inside = (ix > -1) & (ix < nx) & (iy > -1) & (iy < ny)  # within a cell, so that global grids have no gap
+    return [] if inside.all() else ["the picture shows more than the model's domain, with whose edges its clouds end"]
 
 
 def solver_of(request: RenderRequest) -> "Solver":

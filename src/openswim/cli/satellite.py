@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from openswim.cli.options import tell_notes
 from openswim.errors import UserError
 
 if TYPE_CHECKING:
@@ -111,8 +112,10 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
 
 
 def _announce(scene: Scene, grid: FixedGrid | Pixels, bands: list[Band], solver: str) -> None:
+    """What was assumed, and what a large picture costs."""
     from openswim.cli.estimate import Pictured, announce
 
+    tell_notes(scene.notes)
     wavelengths = sorted({nm for one in bands for nm in one.wavelength_nm})
     announce(scene, Pictured(grid.shape, _HIGH_M), solver, wavelengths_nm=wavelengths)
 

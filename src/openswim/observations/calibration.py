@@ -165,7 +165,8 @@ def _looked_at(
             standing.add(frame)
     if len(out) == 1 and isinstance(out[0], Sighting):
         body, span = ("moon", "night") if by == "moon" else ("sun", "day")
-        told = out[0].lacks(body) if out[0].spot is None else f"one {body} tells no camera"
+        altitude = sun_position(out[0].frame.time, lat, lon, height_m).refracted_altitude_deg
+        told = out[0].lacks(body, altitude) if out[0].spot is None else f"one {body} tells no camera"
         raise UserError(f"{given[0]}: {told}; give {LEAST_SPOTS} frames or more of a clear {span}, or a starry one")
     if not out and by_day:
         raise UserError(f"{given[0]}: the sun is up in all frames, and its spot no moon: give a night's frames")

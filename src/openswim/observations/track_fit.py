@@ -24,6 +24,9 @@ WORST_PX = 6.0  # held-out median, of a frame of 1920 rows: spots are lopsided b
 FARTHEST = 0.25  # of the axis from the middle of the frame, over half of its shorter side, where a day tells no tilt
 TELLS_TILT_DEG = 10.0  # range of declination from which on tilt and lens are told apart
 _OUTLIER_PX = 15.0
+# share of full that three quarters of a frame are below at night: .03 and .11 of clear ones, .5 and more by day; the
+# median may be that of the corners beside a fisheye's circle
+_DARK, _SKY_PERCENT = 0.25, 75
 _MANY = 5.0  # an outlier lies so many medians away
 ALIKE = 1.3
 _SCALES = np.geomspace(0.6, 1.5, 7)
@@ -36,11 +39,15 @@ class Sighting:
     frame: FrameInfo
     spot: Spot | None
     overexposed: float = 0.0
+    dark: bool = False  # as frames of a night are
 
-    def lacks(self, body: str) -> str:
-        """Why there is no spot."""
+    def lacks(self, body: str, altitude_deg: float) -> str:
+        """Why there is no spot of a body that is so high at the place and time that are told."""
         if self.overexposed:
             return f"overexposed, every channel is full in {100 * self.overexposed:.0f} % of it"
+        if self.dark and body == "sun" and altitude_deg > 0:
+            up = f"the sun is {altitude_deg:.1f} degrees up at that place and time"
+            return f"no sun in this frame, which is dark, while {up}: the time, its zone or the place may be wrong"
         return f"no {body} in this frame"
 
 
@@ -48,7 +55,9 @@ def sighting(frame: SkyFrame, hidden: NDArray[np.bool_] | None) -> Sighting:
     """Look for the sun, or the moon."""
     if (share := full_share(frame, hidden)) > OVEREXPOSED:
         return Sighting(frame.info, None, share)
-    return Sighting(frame.info, find_spot(frame, hidden))
+    spot = find_spot(frame, hidden)
+    dark = spot is None and float(np.percentile(frame.green, _SKY_PERCENT)) < _DARK * frame.saturated
+    return Sighting(frame.info, spot, dark=dark)
 
 
 @dataclass(frozen=True)
@@ -73,7 +82,9 @@ def fit_track(sightings: Sequence[Sighting], lat: float, lon: float, height_m: f
     for index, each in enumerate(ordered):
         where = (sun_position if body == "sun" else moon_position)(each.frame.time, lat, lon, height_m)
         if each.spot is None or where.refracted_altitude_deg < 0:
-            why = each.lacks(body) if each.spot is None else f"the {body} is below the horizon"
+            why = f"the {body} is below the horizon"
+            if each.spot is None:
+                why = each.lacks(body, where.refracted_altitude_deg)
             left_out.append(f"{each.frame.path.name}: {why}")
             continue
         vector = horizon_vector(where.azimuth_deg, where.refracted_altitude_deg)
