@@ -53,8 +53,8 @@ def frame_time(
             raise UserError(f"{path}: its name says UTC{stated:+g}, which no clock has: give {option}another name")
         if stated is not None and settings.utc_offset_h not in (None, stated):
             raise UserError(
-                f"{path}: its name says UTC{stated:+g}, utc_offset_h (--utc-offset) {settings.utc_offset_h:g}: leave one of "
-                "them out"
+                f"{path}: its name says UTC{stated:+g}, utc_offset_h (--utc-offset) {settings.utc_offset_h:g}: leave "
+                "one of them out"
             )
         return FrameTime(_utc(path, local, stated if stated is not None else settings.utc_offset_h, option), "name")
     if "DateTimeOriginal" in exif:
@@ -71,8 +71,8 @@ def _utc(
     """The middle of an exposure that began at a local time."""
     if local.tzinfo is None and offset_h is None:
         raise UserError(
-            f"{path}: says {local}, not in which zone: give {option}utc_offset_h (--utc-offset, or in the camera's file; 0 "
-            "for UTC, 1 for UTC+1)"
+            f"{path}: says {local}, not in which zone: give {option}utc_offset_h (--utc-offset, or in the camera's file; "
+            "0 for UTC, 1 for UTC+1)"
         )
     try:
         if local.tzinfo is None:
