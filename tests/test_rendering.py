@@ -115,8 +115,8 @@ def test_the_disc_is_whole_however_coarse_the_picture(camera: Camera, sun: tuple
 
 
 def test_light_from_above_and_from_below_has_its_standard_name(clear, allsky: xr.Dataset) -> None:
-    below = openswim.render(clear, Camera.satellite(LAT, LON, 800e3, fov_deg=1.0, size=(4, 4)), sun=(180.0, 50.0))
-    both = openswim.render(clear, Camera.panorama(LAT, LON, size=(4, 8)), sun=(180.0, 50.0))
+    below = openswim.render(clear, Camera.satellite(LAT, LON, 800e3, fov_deg=1.0, size=(4, 4)))
+    both = openswim.render(clear, Camera.panorama(LAT, LON, size=(4, 8)))
     names = [image.radiance.attrs.get("standard_name") for image in (allsky, below, both)]
     rest = "radiance_per_unit_wavelength_in_air"
     assert names == [f"downwelling_{rest}", f"upwelling_{rest}", None]

@@ -71,8 +71,8 @@ def _utc(
     """The middle of an exposure that began at a local time."""
     if local.tzinfo is None and offset_h is None:
         raise UserError(
-            f"{path}: says {local}, not in which zone: give {option}utc_offset_h (--utc-offset, or in the camera's file; "
-            "0 for UTC, 1 for UTC+1)"
+            f"{path}: says {local}, not in which zone: give {option}utc_offset_h (--utc-offset, or in the camera's "
+            "file; 0 for UTC, 1 for UTC+1)"
         )
     try:
         if local.tzinfo is None:
