@@ -1,6 +1,8 @@
 """What is called with something else than it takes says so in one line that names it."""
 
+import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -123,8 +125,11 @@ def test_wrong_arguments_are_named(call: Callable[[], Any], named: str):
         (lambda: openswim.analyse(3, xr.Dataset()), "op is 3: give an operator"),
         (lambda: openswim.write_observations("a.nc", None, xr.Dataset()), "op is None: give an operator"),
         (lambda: openswim.batch("a.toml", jobs="two"), "jobs is 'two': give a whole number"),
-        (lambda: openswim.colour.save(IMAGE, None), "output is None: give a file's name"),
-        (lambda: openswim.colour.save(IMAGE, "a.png", caption=AXIS), "caption array"),
+        (lambda: openswim.save(IMAGE, None), "path is None: give a file's name"),
+        (lambda: openswim.save(3, "a.png"), "image is 3"),
+        (lambda: openswim.save(IMAGE, "a.nc"), "image is .*: give a.nc the whole Dataset"),
+        (lambda: openswim.save(IMAGE, "a.png", caption=AXIS), "caption is array"),
+        (lambda: openswim.save(IMAGE, "a.png", bits="many"), "bits is 'many'"),
         (lambda: arrays(phase=AXIS), "phase is array.*give PhaseFunction or a dict"),
         (lambda: arrays(atmosphere=AXIS), "atmosphere is array"),
         (lambda: arrays(crs=AXIS), "crs = array.* is no projection"),
@@ -179,6 +184,20 @@ def test_directions_may_be_one_number_or_many(viewpoint: Viewpoint):
 def test_arguments_that_are_missing_are_named_by_python():
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'camera'"):
         render(CLEAR)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.nc", "a.hdr"])
+def test_misspelt_options_are_those_of_the_function_that_was_called(name: str, tmp_path: Path):
+    with pytest.raises(TypeError, match=r"^save\(\) got an unexpected keyword argument 'exposur'"):
+        openswim.save(IMAGE, tmp_path / name, exposur=1)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"^Solver\S* got an unexpected keyword argument 'qualty'"):
+        Solver(qualty="high")  # type: ignore[call-arg]
+
+
+def test_options_of_save_are_those_of_to_rgb():
+    of_save, of_rgb = (inspect.signature(each).parameters for each in (openswim.save, to_rgb))
+    assert set(of_save) == {*of_rgb, "path", "caption"}
+    assert all(of_save[name].default == each.default for name, each in of_rgb.items())
 
 
 def test_messages_hold_nothing_that_a_terminal_obeys():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +32,7 @@ _NOT_UNIT = 0.1  # off a length of 1: people write unit vectors with a digit or 
 NADIR = np.array([0.0, 0.0, -1.0])  # a sun there lights nothing
 
 
+@dataclass(frozen=True)  # for an __init__ of its own: Python's messages have the name of it
 class Solver(Options):
     """How light is solved for: see `Options`, which name all that may be chosen."""
 
