@@ -185,7 +185,7 @@ def test_one_of_several_frames_is_not_sent_to_an_option_of_single_ones(tmp_path)
         for alone in (True, False):
             with pytest.raises(UserError, match=says) as caught:
                 read_frame(path, settings=settings, alone=alone)
-            assert ("--time, or" in str(caught.value)) == alone
+            assert ("--time), or" in str(caught.value)) == alone
 
 
 def test_frames_of_real_cameras(shared):
