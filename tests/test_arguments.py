@@ -1,6 +1,8 @@
 """What is called with something else than it takes says so in one line that names it."""
 
+import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +17,14 @@ from openswim.films import CameraPath
 from openswim.ground.maps import maps_of
 from openswim.observations import read_frame
 from openswim.observations.calibration import calibrate
+from openswim.pictures.viewpoint import Viewpoint
 from openswim.scene.frame import scene_frame
 from openswim.system.side_by_side import jobs_of
 
 FIELD, AXIS, LEVELS = np.zeros((5, 4, 4)), np.arange(4.0), np.arange(5.0)
 TIMES = np.array(["2024-06-21T12:00", "2024-06-21T12:01"], "datetime64[ms]")
 CAMERA, CLEAR = Camera.allsky(46, 8, size=8), Scene.clear(46, 8)
+NAN = float("nan")
 IMAGE = xr.DataArray(np.ones((4, 4, 3)), {"wavelength": [615.0, 546.0, 450.0]}, ("y", "x", "wavelength"))
 
 
@@ -121,8 +125,11 @@ def test_wrong_arguments_are_named(call: Callable[[], Any], named: str):
         (lambda: openswim.analyse(3, xr.Dataset()), "op is 3: give an operator"),
         (lambda: openswim.write_observations("a.nc", None, xr.Dataset()), "op is None: give an operator"),
         (lambda: openswim.batch("a.toml", jobs="two"), "jobs is 'two': give a whole number"),
-        (lambda: openswim.colour.save(IMAGE, None), "output is None: give a file's name"),
-        (lambda: openswim.colour.save(IMAGE, "a.png", caption=AXIS), "caption array"),
+        (lambda: openswim.save(IMAGE, None), "path is None: give a file's name"),
+        (lambda: openswim.save(3, "a.png"), "image is 3"),
+        (lambda: openswim.save(IMAGE, "a.nc"), "image is .*: give a.nc the whole Dataset"),
+        (lambda: openswim.save(IMAGE, "a.png", caption=AXIS), "caption is array"),
+        (lambda: openswim.save(IMAGE, "a.png", bits="many"), "bits is 'many'"),
         (lambda: arrays(phase=AXIS), "phase is array.*give PhaseFunction or a dict"),
         (lambda: arrays(atmosphere=AXIS), "atmosphere is array"),
         (lambda: arrays(crs=AXIS), "crs = array.* is no projection"),
@@ -143,9 +150,54 @@ def test_kinds_are_those_that_annotations_name(call: Callable[[], Any], named: s
     test_wrong_arguments_are_named(call, named)
 
 
+@pytest.fixture(scope="module")
+def viewpoint() -> Viewpoint:
+    return openswim.light(CLEAR, "swim", sun=(180, 45)).viewpoint(CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda v: v.look([[0, 90]], [[45, 45]]), r"azimuth_deg has shape \(1, 2\) and altitude_deg \(1, 2\)"),
+        (lambda v: v.sight([0, 90.0, 5], [45.0, 2]), r"azimuth_deg has shape \(3,\) and altitude_deg \(2,\)"),
+        (lambda v: v.look("n", "up"), "azimuth_deg must be numbers, got 'n'"),
+        (lambda v: v.look(0, None), "altitude_deg must be numbers, got None"),
+        (lambda v: v.look([0], [100]), "altitude_deg must lie within -90..90"),
+        (lambda v: v.sight([0], [NAN]), "altitude_deg must lie within"),
+        (lambda v: v.sky([NAN], [5]), "azimuth_deg must be finite"),
+        (lambda v: v.tile(0, 0), "rows is 0: give a slice"),
+        (lambda v: v.tile(slice(3), [3]), r"columns is \[3\]: give a slice"),
+        (lambda v: v.tile(slice("a", 2), slice(3)), r"rows is slice\('a', 2, None\): give a slice of whole numbers"),
+    ],
+)
+def test_directions_and_tiles_are_looked_at(viewpoint: Viewpoint, call: Callable[[Viewpoint], Any], named: str):
+    test_wrong_arguments_are_named(lambda: call(viewpoint), named)
+
+
+def test_directions_may_be_one_number_or_many(viewpoint: Viewpoint):
+    both = viewpoint.look([10, 10], [5, 90])
+    np.testing.assert_array_equal(viewpoint.look(10, [5, 90]), both)
+    np.testing.assert_array_equal(viewpoint.look(10.0, 5), both[:1])
+    assert viewpoint.look([], []).shape == (0, 3)
+
+
 def test_arguments_that_are_missing_are_named_by_python():
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'camera'"):
         render(CLEAR)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.nc", "a.hdr"])
+def test_misspelt_options_are_those_of_the_function_that_was_called(name: str, tmp_path: Path):
+    with pytest.raises(TypeError, match=r"^save\(\) got an unexpected keyword argument 'exposur'"):
+        openswim.save(IMAGE, tmp_path / name, exposur=1)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"^Solver\S* got an unexpected keyword argument 'qualty'"):
+        Solver(qualty="high")  # type: ignore[call-arg]
+
+
+def test_options_of_save_are_those_of_to_rgb():
+    of_save, of_rgb = (inspect.signature(each).parameters for each in (openswim.save, to_rgb))
+    assert set(of_save) == {*of_rgb, "path", "caption"}
+    assert all(of_save[name].default == each.default for name, each in of_rgb.items())
 
 
 def test_messages_hold_nothing_that_a_terminal_obeys():

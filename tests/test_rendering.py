@@ -116,8 +116,8 @@ def test_the_disc_is_whole_however_coarse_the_picture(camera: Camera, sun: tuple
 
 
 def test_light_from_above_and_from_below_has_its_standard_name(clear, allsky: xr.Dataset) -> None:
-    below = openswim.render(clear, Camera.satellite(LAT, LON, 800e3, fov_deg=1.0, size=(4, 4)), sun=(180.0, 50.0))
-    both = openswim.render(clear, Camera.panorama(LAT, LON, size=(4, 8)), sun=(180.0, 50.0))
+    below = openswim.render(clear, Camera.satellite(LAT, LON, 800e3, fov_deg=1.0, size=(4, 4)))
+    both = openswim.render(clear, Camera.panorama(LAT, LON, size=(4, 8)))
     names = [image.radiance.attrs.get("standard_name") for image in (allsky, below, both)]
     rest = "radiance_per_unit_wavelength_in_air"
     assert names == [f"downwelling_{rest}", f"upwelling_{rest}", None]
@@ -256,6 +256,29 @@ def test_one_solve_serves_many_cameras(cloudy) -> None:
     camera = Camera.allsky(LAT, LON, size=16)
     again = openswim.render(cloudy.scene, camera, sun=SUN)
     np.testing.assert_allclose(openswim.render(cloudy, camera).radiance, again.radiance, rtol=1e-5)
+
+
+def test_options_that_solved_light_has_not_are_refused(clear) -> None:
+    camera = Camera.allsky(LAT + 1.0, LON, size=4)
+    turned = light(clear.scene, "swim", sun=SUN)
+    kept = {"solver": Solver("fast"), "wavelengths_nm": [615, 546, 450], "time": "2024-05-04T09:30Z"}
+    middle = openswim.render(turned, camera, "swim", sun=SUN)
+    over_camera = turned.viewpoint(camera).sun
+    same = [openswim.render(turned, camera), openswim.render(turned, camera, sun=over_camera)]
+    assert all(each.radiance.equals(middle.radiance) for each in same)
+    assert openswim.render(clear, camera, **kept).radiance.equals(openswim.render(clear, camera).radiance)
+    for lit, wrong, named in (
+        (clear, {"wavelengths_nm": [865]}, r"wavelengths_nm = \[865\]: .* solved with wavelengths_nm = \[615.0, 546"),
+        (clear, {"solver": "reference"}, "solver = 'reference': .* solved with a Solver of name = 'fast'; leave it"),
+        (clear, {"solver": Solver(quality="high")}, "solved with a Solver of quality = 'standard'"),
+        (clear, {"sun": SUN}, r"sun = \(130.0, 40.0\): .* solved with time = 2024-05-04T.*light\(scene, sun="),
+        (clear, {"time": "2024-05-04T09:31"}, "solved with time = 2024-05-04T09:30"),
+        (turned, {"time": TIME}, r"solved with sun = \(130.00, 40.00\)"),
+        (turned, {"sun": (130.0, 41.0)}, r"solved with sun = \(130.00, 40.00\)"),
+        (turned, {"solver": Solver("fast")}, "solved with a Solver of name = 'swim'"),
+    ):  # fmt: skip
+        with pytest.raises(UserError, match=named):
+            openswim.render(lit, camera, **wrong)
 
 
 def test_observers_outside_the_domain_learn_its_extent(cloudy) -> None:

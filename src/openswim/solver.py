@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from openswim.arguments import check_kind, numbers, shown, takes
 from openswim.errors import UserError
 from openswim.ground.surface import settled, surface_of
 from openswim.lights.eclipses import MoonShadow
@@ -27,9 +28,11 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 
+_NOT_UNIT = 0.1  # off a length of 1: people write unit vectors with a digit or two
 NADIR = np.array([0.0, 0.0, -1.0])  # a sun there lights nothing
 
 
+@dataclass(frozen=True)  # for an __init__ of its own: Python's messages have the name of it
 class Solver(Options):
     """How light is solved for: see `Options`, which name all that may be chosen."""
 
@@ -49,15 +52,15 @@ class Solver(Options):
         moon's in an eclipse of the sun. Solver linear takes neither. earlier: what a like scene's solve by the same
         ``light`` has left, from which `fast` begins; see `openswim.light`.
         """
-        wavelengths = _checked(wavelengths_nm)
+        wavelengths, sun = _checked(wavelengths_nm), _checked_direction(sun_direction)
         scene = settled(scene)
         if self.name == "linear":
             if plan is not None or shadow is not None:
                 raise UserError("solver linear takes no plan and knows no eclipse of the sun: take fast")
-            return self._linear(scene, np.asarray(sun_direction, float), wavelengths)
+            return self._linear(scene, sun, wavelengths)
         matter = self._matter(scene, wavelengths, plan)
         surface = surface_of(scene, matter.wavelengths_nm)
-        return solve(self, matter, surface, np.asarray(sun_direction, float), plan, shadow, earlier, light)
+        return solve(self, matter, surface, sun, plan, shadow, earlier, light)
 
     def solve_starlit(
         self, scene: Scene, wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0), lamps: F64 | None = None,
@@ -76,12 +79,13 @@ class Solver(Options):
         each = None if lamps is None else np.asarray(lamps, float)[matter.terms.which]
         return solve(self, matter, replace(surface, lamps=each), NADIR, None, None, earlier, "starlight")
 
+    @takes
     def linear_core(
         self,
         scene: Scene,
         sun_direction: ArrayLike,
         wavelengths_nm: ArrayLike = (615.0, 546.0, 450.0),
-        views: Sequence[Rays] = (),
+        views: Rays | Sequence[Rays] = (),
         points: ArrayLike | None = None,
         tolerance: float | None = None,
         lean: bool = False,
@@ -90,18 +94,24 @@ class Solver(Options):
         """The light of ``scene`` as a function of what its nodes are filled with, with tangent linear and adjoint
         (docs/linear.md).
 
-        views: rays of an eye each, in the scene frame; points (n, 2): latitude and longitude of pyranometers, in flat
-        scenes y and x, m. tolerance: of the diffuse light, by default .001 of it. lean: 26 ordinates and 16 moments of
-        the diffuse light, in place of 50 and 25 of them. single: sweeps in single precision, twice as fast.
+        Of the solver only the quality, for its ordinates, and the step count, whatever its name is.
+
+        views: rays of an eye each, in the scene frame (`Camera.rays`); points (n, 2): latitude and longitude of
+        pyranometers, in flat scenes y and x, m. tolerance: of the diffuse light, by default .001 of it. lean: 26
+        ordinates and 16 moments of the diffuse light, in place of 50 and 25 of them. single: sweeps in single
+        precision, twice as fast.
         """
         from openswim.transport.linear.of_matter import core_of
 
-        wavelengths = _checked(wavelengths_nm)
+        eyes = [views] if isinstance(views, Rays) else list(views)
+        for eye in eyes:
+            check_kind("a view", eye, Rays, "give Rays, as camera.rays(scene_frame(scene), ground_height_m) makes them")
+        wavelengths, sun = _checked(wavelengths_nm), _checked_direction(sun_direction)
         scene = settled(scene)
         matter = matter_of(scene, wavelengths)
         surface = surface_of(scene, matter.wavelengths_nm)
-        sun, element = np.asarray(sun_direction, float), np.float32 if single else np.float64
-        return core_of(self, matter, surface, sun, views, points, tolerance, lean=lean, element=element)
+        element = np.float32 if single else np.float64
+        return core_of(self, matter, surface, sun, eyes, points, tolerance, lean=lean, element=element)
 
     def _linear(self, scene: Scene, sun: F64, wavelengths: F64) -> LinearField:
         from openswim.transport.linear.field import fast_around, linear_field
@@ -123,3 +133,10 @@ def _checked(wavelengths_nm: ArrayLike) -> F64:
     wavelengths = np.atleast_1d(np.asarray(wavelengths_nm, float))
     check_wavelengths(wavelengths)
     return wavelengths
+
+
+def _checked_direction(sun_direction: ArrayLike) -> F64:
+    sun = numbers("sun_direction", sun_direction).astype(float)
+    if sun.shape != (3,) or not abs(np.linalg.norm(sun) - 1) < _NOT_UNIT:
+        raise UserError(f"sun_direction is {shown(sun_direction)}: give a unit vector toward it, in the scene frame")
+    return sun

@@ -53,6 +53,11 @@ def test_the_filter_relaxes_to_the_spread_before() -> None:
     assert np.allclose(spread[0.5], 0.5 * (spread[0.0] + before.std(axis=0)), rtol=1e-9)
     assert np.allclose(spread[1.0], before.std(axis=0), rtol=1e-9)
     assert np.allclose(albedo[1.0].mean(axis=0), albedo[0.0].mean(axis=0), rtol=1e-9)
+    plain = ensemble_filter(op, observed, states, 120.0, 1.0, seen=seen.values.tolist(), relaxation=0.5)
+    assert all(one.equals(other) for one, other in zip(plain, found[0.5], strict=True))
+    for wrong in ("much", seen.values[:, 1:], np.full(seen.shape, np.nan)):
+        with pytest.raises(UserError, match=r"ensemble_filter: seen (must be numbers|has shape|must be finite)"):
+            ensemble_filter(op, observed, states, 100.0, seen=wrong)
     for wrong in (-0.1, 1.5, np.nan, "much"):
         with pytest.raises(UserError, match="relaxation must be"):
             ensemble_filter(op, observed, states, 100.0, seen=seen, relaxation=wrong)  # type: ignore[arg-type]

@@ -207,6 +207,14 @@ def test_a_resized_camera_looks_the_same_way():
         VIEWS[5].resized((50, 60))
 
 
+@pytest.mark.parametrize(("lens", "fov_deg"), [("equidistant", 360), ("equisolid", 360), ("stereographic", 358)])
+def test_a_field_of_view_just_fits_the_shorter_side(lens, fov_deg):
+    row, column = Camera.fisheye(0, 0, size=(100, 160), lens=lens, fov_deg=fov_deg).optics.project(
+        horizon_vector(0.0, 90.0 - fov_deg / 2 + 1e-7)
+    )
+    assert (row, column) == pytest.approx((-0.5, 79.5), abs=1e-3)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -220,6 +228,7 @@ def test_a_resized_camera_looks_the_same_way():
         lambda: Lens([], 100),
         lambda: Camera.fisheye(0, 0, lens="nonsense"),
         lambda: Camera.fisheye(0, 0, lens="orthographic", fov_deg=270),
+        lambda: Camera.fisheye(0, 0, lens="stereographic", fov_deg=360),
         lambda: Camera.fisheye(0, 0, lens="polynomial", coefficients=(1.0,)),
         lambda: Camera.fisheye(0, 0, tilt_deg=-1),
         lambda: Camera.fisheye(0, 0, centre=(float("nan"), 0)),

@@ -15,6 +15,7 @@ from openswim.cli.compare import Progress, line_of
 from openswim.comparison.one_frame import rounded
 from openswim.comparison.report.page import with_bounds, write_page
 from openswim.comparison.response import Curve, decoded, encoded, fit_curve
+from openswim.comparison.settings import camera_content, frame_of
 from openswim.errors import UserError
 from openswim.lights import moon_position
 
@@ -37,6 +38,23 @@ def test_curves_of_counts_and_their_inverse():
     for encoding in ("srgb", "linear", 2.2, 0.7):
         np.testing.assert_allclose(encoded(decoded(share, encoding), encoding), share, atol=1e-6)
     assert float(decoded(0.5, "srgb")) == pytest.approx(0.214041, abs=1e-6)  # IEC 61966-2-1
+
+
+def test_a_camera_object_takes_the_zone_that_its_file_would(srgb_frame, tmp_path):
+    """That of the frame's name; where nothing tells it, it is asked for."""
+    camera = CAMERA.camera
+    path = tmp_path / "camera.toml"
+    write_camera(CameraFile(camera), path)
+    zoned = tmp_path / "sky_20240620_080000_UTCp1.png"
+    zoned.write_bytes(srgb_frame.read_bytes())
+    for each in (camera, path):
+        assert frame_of(zoned, camera_content(each)).time == np.datetime64("2024-06-20T07:00")
+        with pytest.raises(UserError, match=r"not in which zone: give time=.*utc_offset_h \(--utc-offset"):
+            openswim.compare(None, srgb_frame, each)
+        with pytest.raises(UserError, match="not in which zone: give time="):
+            openswim.correct_clouds(openswim.Scene.clear(LAT, LON), [srgb_frame], [each])
+        with pytest.raises(UserError, match="not in which zone: give utc_offset_h"):
+            openswim.compare(None, zoned, each, clear_frame=srgb_frame)
 
 
 def test_pictures_are_kept_to_twelve_bits():

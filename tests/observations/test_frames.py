@@ -123,7 +123,7 @@ def test_times_beyond_all_calendars_are_refused(tmp_path, date, seconds, zone):
 
 def test_a_day_without_a_time_is_not_midnight(tmp_path):
     (tmp_path / "a.fits").write_bytes(fits(DEEP.astype(">f4"), -32, **{"DATE-OBS": "'2018-09-14'"}))
-    with pytest.raises(UserError, match="'2018-09-14' is a day without a time: give --time"):
+    with pytest.raises(UserError, match="'2018-09-14' is a day without a time: give time="):
         read_frame(tmp_path / "a.fits")
     both = {"DATE-OBS": "'2018-09-14'", "TIME-OBS": "'11:53:22'"}
     (tmp_path / "a.fits").write_bytes(fits(DEEP.astype(">f4"), -32, **both))
@@ -185,7 +185,7 @@ def test_one_of_several_frames_is_not_sent_to_an_option_of_single_ones(tmp_path)
         for alone in (True, False):
             with pytest.raises(UserError, match=says) as caught:
                 read_frame(path, settings=settings, alone=alone)
-            assert ("--time, or" in str(caught.value)) == alone
+            assert ("--time), or" in str(caught.value)) == alone
 
 
 def test_frames_of_real_cameras(shared):

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import number, whole
+from openswim.arguments import number, numbers, whole
 from openswim.assimilation.background import Background, Piece, Space
 from openswim.assimilation.observing.observations import check_observed
 from openswim.assimilation.observing.operator import Operator
@@ -39,7 +39,7 @@ def ensemble_filter(
     length_m: float,
     inflation: float = 1.05,
     transform: str = "softplus",
-    seen: xr.DataArray | None = None,
+    seen: xr.DataArray | ArrayLike | None = None,
     relaxation: float = 0.0,
 ) -> list[xr.Dataset]:
     """Members after the observations.
@@ -50,7 +50,7 @@ def ensemble_filter(
     relaxation : of the spread after to that before (RTPS, Whitaker and Hamill 2012, Eq. 2), from 0 (none, as befits one
     analysis) to 1 (the spread stays what it was); an ensemble that goes from analysis to analysis needs some.
     transform : in which members are mixed, so that no mix is a negative cloud. seen : H of the members
-    (`Operator.ensemble`), where it is known; another model's may be given.
+    (`Operator.ensemble`), where it is known; another model's may be given, as an array (members, observations).
     """
     if len(states) < 3:
         raise UserError("ensemble_filter: give three members or more")
@@ -62,10 +62,12 @@ def ensemble_filter(
         raise UserError("ensemble_filter: relaxation must be from 0 (none) to 1 (to all of the spread before)")
     check_observed(op, observed)
     lifted = [op.controls.lifted(state) for state in states]
-    rows = (op.ensemble(lifted) if seen is None else seen).values
+    rows = np.asarray(op.ensemble(lifted)) if seen is None else numbers("ensemble_filter: seen", seen)
     if rows.shape != (len(states), op.size):
         raise UserError(f"ensemble_filter: seen has shape {rows.shape}; give ({len(states)}, {op.size})")
     use = np.flatnonzero(observed["use"].values)
+    if not np.isfinite(rows[:, use]).all():
+        raise UserError("ensemble_filter: seen must be finite wherever an observation is used")
     mean = rows[:, use].mean(axis=0)
     weight = 1 / observed["error"].values[use]
     changes, departure = (rows[:, use] - mean) * weight, (observed["value"].values[use] - mean) * weight

@@ -50,7 +50,7 @@ class RealCameras:
         if isinstance(lens, str):
             if focal_px is None:
                 require(0 < fov_deg <= 360, f"field of view {fov_deg:g} degrees is not above 0 and up to 360")
-                unit = Lens(lens, 1.0, ()).radius_px(np.radians(min(fov_deg, 358.0) / 2))
+                unit = Lens(lens, 1.0, ()).radius_px(np.radians(fov_deg / 2))
                 require(not coefficients, f"lens {lens}: coefficients need its focal_px too")
                 require(bool(np.isfinite(unit)), f"lens {lens}: does not see {fov_deg:g} degrees")
                 focal_px = float(min(shape) / 2 / unit)

@@ -10,7 +10,7 @@ BACKGROUND, INK = (16, 16, 18), (205, 205, 200)
 NARROWEST = 160  # pixels
 
 
-def facts(image: xr.Dataset, exposure: float | None = None) -> dict[str, str]:
+def facts(image: xr.Dataset | xr.DataArray, exposure: float | None = None) -> dict[str, str]:
     """What is known of a rendered image, by name: view, place, time, sun, irradiance and so on.
 
     Read from the attributes view, view_azimuth_deg, view_altitude_deg, field_of_view_deg; latitude, longitude or

@@ -4,12 +4,12 @@ import os
 from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 
-from openswim.arguments import check_choice
+from openswim.arguments import check_choice, shown, takes
 from openswim.colour.beside import BESIDE, beside
 from openswim.errors import UserError
 from openswim.scene.files import check_ours, check_target, written_whole
@@ -52,12 +52,20 @@ def only_looked_at(suffixes: Iterable[str], bits: int) -> bool:
     return bits == 8 and all(suffix.lower() in PICTURES for suffix in suffixes)
 
 
+@takes
 def save(
-    image: xr.Dataset,
-    path: str | Path,
+    image: xr.Dataset | xr.DataArray,
+    path: str | os.PathLike[str],
     exposure: float | str = "auto",
     caption: bool | str = "inside",
-    **rgb_options: Any,
+    *,
+    matrix: Literal["srgb", "paper"] = "srgb",
+    gamma: float | Literal["srgb"] = "srgb",
+    roll_off: bool = True,
+    dither: bool = True,
+    glare: bool = True,
+    bits: int = 8,
+    eye: bool = False,
 ) -> None:
     """Write a rendered image by the suffix of `path`: .png, .jpg, .tif as a picture, .nc, .zarr as data, .hdr, .exr as
     linear light (`openswim.colour.hdr`).
@@ -73,15 +81,21 @@ def save(
     check_exposure(exposure)
     caption = check_caption(caption)
     suffix = path.suffix.lower()
-    if suffix in DATA:
+    if suffix in PICTURES:
+        of_rgb = {
+            "matrix": matrix, "gamma": gamma, "roll_off": roll_off, "dither": dither, "glare": glare, "bits": bits,
+            "eye": eye,
+        }  # fmt: skip
+        _save_picture(image, path, exposure, caption, of_rgb)
+    elif not isinstance(image, xr.Dataset):
+        raise UserError(f"image is {shown(image)}: give {path.name} the whole Dataset, as openswim.render returns it")
+    elif suffix in DATA:
         with written_whole(path) as partial:
             (_write_netcdf if suffix == ".nc" else _write_zarr)(image, partial)
-    elif suffix in LIGHTS:
+    else:
         from openswim.colour.hdr import save_light_picture
 
         save_light_picture(image, path)
-    else:
-        _save_picture(image, path, exposure, caption, rgb_options)
 
 
 def check_caption(caption: Any) -> str:
@@ -97,11 +111,13 @@ def check_bits(path: Path, bits: int) -> None:
         raise UserError(f"output {path}: JPEG has 8 bits a colour; write .png or .tif for 16")
 
 
-def _save_picture(image: xr.Dataset, path: Path, exposure: Any, caption: str, options: dict[str, Any]) -> None:
+def _save_picture(
+    image: xr.Dataset | xr.DataArray, path: Path, exposure: Any, caption: str, options: dict[str, Any]
+) -> None:
     from openswim.colour.caption import facts, with_strip
     from openswim.colour.rgb import exposure_for, to_rgb
 
-    check_bits(path, options.get("bits", 8))
+    check_bits(path, options["bits"])
     exposure = exposure_for(image, exposure)
     picture = to_rgb(image, exposure, **options)
     entries = facts(image, exposure)

@@ -38,7 +38,8 @@ def compare(
 
     model : a model's file or files, a Scene, what `openswim.light` returns, or None: the clear sky of place and time.
     frames : one or several; of one the result has pictures, masks and scores, of several the scores over time.
-    camera : a `Camera` of the frames' size, or its TOML file.
+    camera : a `Camera` of the frames' size, or its TOML file, which tells the zone of the frames' clock where neither
+        their names nor EXIF do (a `Camera` does in `CameraFile(camera, frames=FrameSettings(utc_offset_h=1))`).
     time : UTC, of a single frame where nothing else tells it.
     clear_frame : a frame of the same camera under a clear sky, which gives its response and white balance.
     aod, albedo : of the clear sky in place of the default or the model's; aerosol is never fitted.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import check_kind, number, paths, whole
 from openswim.cameras import Camera
-from openswim.cameras.files import CameraFile, FrameSettings, checked_encoding, read_camera
+from openswim.cameras.files import CameraFile, checked_encoding, read_camera
 from openswim.comparison.cloud_rules import departure
 from openswim.comparison.prepared import SIZE, prepared, valid_pixels
 from openswim.comparison.response import Curve, fit_curve
@@ -130,7 +130,7 @@ def camera_content(camera: Any) -> CameraFile:
     if isinstance(camera, CameraFile):
         return camera
     if isinstance(camera, Camera):
-        return CameraFile(camera, frames=FrameSettings(utc_offset_h=0.0))
+        return CameraFile(camera)
     check_kind("camera", camera, (str, Path, os.PathLike), "give a Camera, or the name of its TOML file")
     return read_camera(camera)
 

@@ -40,8 +40,8 @@ class FrameTime:
 def frame_time(
     path: Path, header: dict[str, Any], exif: dict[str, str], settings: FrameSettings, alone: bool = True
 ) -> FrameTime:
-    """FITS goes before the name, and the name before EXIF, whose clocks are set by hand. alone: --time can tell it."""
-    option = "--time, or " if alone else ""
+    """FITS goes before the name, and the name before EXIF, whose clocks are set by hand. alone: a time can be given."""
+    option = "time=... (UTC, --time), or " if alone else ""
     if "DATE-OBS" in header:
         return FrameTime(_of_fits(path, header, option), "FITS DATE-OBS and half of the exposure")
     pattern = settings.time_pattern
@@ -53,9 +53,10 @@ def frame_time(
             raise UserError(f"{path}: its name says UTC{stated:+g}, which no clock has: give {option}another name")
         if stated is not None and settings.utc_offset_h not in (None, stated):
             raise UserError(
-                f"{path}: its name says UTC{stated:+g}, --utc-offset {settings.utc_offset_h:g}: leave one of them out"
+                f"{path}: its name says UTC{stated:+g}, utc_offset_h (--utc-offset) {settings.utc_offset_h:g}: leave "
+                "one of them out"
             )
-        return FrameTime(_utc(path, local, stated if stated is not None else settings.utc_offset_h), "name")
+        return FrameTime(_utc(path, local, stated if stated is not None else settings.utc_offset_h, option), "name")
     if "DateTimeOriginal" in exif:
         return FrameTime(_of_exif(path, exif, settings.utc_offset_h, option), "EXIF and half of the exposure")
     raise UserError(
@@ -64,10 +65,15 @@ def frame_time(
     )
 
 
-def _utc(path: Path, local: datetime, offset_h: float | None, exposure_s: Any = None) -> np.datetime64:
+def _utc(
+    path: Path, local: datetime, offset_h: float | None, option: str, exposure_s: Any = None
+) -> np.datetime64:
     """The middle of an exposure that began at a local time."""
     if local.tzinfo is None and offset_h is None:
-        raise UserError(f"{path}: says {local}, not in which zone: give --utc-offset (0 for UTC, 1 for UTC+1)")
+        raise UserError(
+            f"{path}: says {local}, not in which zone: give {option}utc_offset_h (--utc-offset, or in the camera's "
+            "file; 0 for UTC, 1 for UTC+1)"
+        )
     try:
         if local.tzinfo is None:
             local = local.replace(tzinfo=timezone(timedelta(hours=offset_h or 0.0)))
@@ -125,7 +131,7 @@ def _of_fits(path: Path, header: dict[str, Any], option: str) -> np.datetime64:
         start = datetime.fromisoformat(text)
     except ValueError:
         raise UserError(f"{path}: FITS DATE-OBS {shown(text)} is no time: give {option}a header that has one") from None
-    return _utc(path, start, 0.0, header.get("EXPTIME", header.get("EXPOSURE")))
+    return _utc(path, start, 0.0, option, header.get("EXPTIME", header.get("EXPOSURE")))
 
 
 def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None, option: str) -> np.datetime64:
@@ -137,7 +143,7 @@ def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None, option: s
             start = datetime.strptime(f"{text} {zone}", "%Y:%m:%d %H:%M:%S %z")
     except ValueError:
         raise UserError(f"{path}: EXIF time {shown(text)} is none: give {option}{_NAME}") from None
-    return _utc(path, start, offset_h, exif.get("ExposureTime"))
+    return _utc(path, start, offset_h, option, exif.get("ExposureTime"))
 
 
 def _half(exposure_s: Any) -> timedelta:

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import check_kind
+from openswim.arguments import check_kind, numbers, shown
 from openswim.cameras import Camera, Rays
 from openswim.cameras.pixels import Pixels
 from openswim.colour.photometry import illuminance_lx
@@ -57,6 +57,7 @@ from openswim.transport.view.sight import Sight
 F64 = NDArray[np.float64]
 
 _QUADRATURE = 32  # .3 % off 64 under broken clouds, where 8 are 5 %
+_ROUNDING_DEG = 1e-6  # of altitudes of the zenith that were computed
 LOOKED_AT = 0.015  # ``sparse`` of pictures of 8 bits, of which nobody sees any difference
 
 
@@ -135,7 +136,7 @@ class Viewpoint:
         self, rows: slice, columns: slice, layers: bool, irradiance: bool, sparse: float = 0.0
     ) -> xr.Dataset:
         ny, nx = self.pixels.inside.shape
-        (top, bottom, _), (left, right, _) = rows.indices(ny), columns.indices(nx)
+        (top, bottom), (left, right) = _bounds("rows", rows, ny), _bounds("columns", columns, nx)
         if (rows.step or 1) != 1 or (columns.step or 1) != 1 or top >= bottom or left >= right:
             raise UserError(f"tile of rows {rows} and columns {columns}: give slices within {ny} x {nx}, without steps")
         # outlines are told by the pixels beside: one more on every side
@@ -201,7 +202,7 @@ class Viewpoint:
         return beams_of(discs, self._through)
 
     def _toward(self, azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> Rays:
-        azimuth, altitude = np.broadcast_arrays(np.atleast_1d(azimuth_deg), np.atleast_1d(altitude_deg))
+        azimuth, altitude = _checked_directions(azimuth_deg, altitude_deg)
         return Rays(self.rays.origin_m, horizon_vector(azimuth, altitude) @ self._axes)
 
     @cached_property
@@ -375,6 +376,33 @@ class Viewpoint:
         every = {f.name: getattr(view, f.name) for f in dataclasses.fields(view)}
         rows = {k: v[wanted] for k, v in every.items() if isinstance(v, np.ndarray) and v.shape[:1] == wanted.shape}
         return relative[wanted], dataclasses.replace(view, **rows)
+
+
+def _bounds(what: str, part: Any, length: int) -> tuple[int, int]:
+    """The first of the rows or columns of a slice, and the one after the last."""
+    check_kind(what, part, slice, "give a slice, such as slice(0, 8)")
+    try:
+        return part.indices(length)[:2]
+    except TypeError:
+        raise UserError(f"{what} is {shown(part)}: give a slice of whole numbers, such as slice(0, 8)") from None
+
+
+def _checked_directions(azimuth_deg: ArrayLike, altitude_deg: ArrayLike) -> tuple[F64, F64]:
+    """Azimuths and altitudes (n,), of one number each or of lists."""
+    azimuth = np.atleast_1d(numbers("azimuth_deg", azimuth_deg)).astype(float)
+    altitude = np.atleast_1d(numbers("altitude_deg", altitude_deg)).astype(float)
+    alike = azimuth.size == altitude.size or 1 in (azimuth.size, altitude.size)
+    if azimuth.ndim > 1 or altitude.ndim > 1 or not alike:
+        raise UserError(
+            f"azimuth_deg has shape {azimuth.shape} and altitude_deg {altitude.shape}: give a number or a list of "
+            "each, of one length"
+        )
+    if not np.isfinite(azimuth).all():
+        raise UserError("azimuth_deg must be finite: leave out directions that are not known")
+    if not (np.abs(altitude) <= 90 + _ROUNDING_DEG).all():
+        raise UserError("altitude_deg must lie within -90..90 degrees")
+    azimuth, altitude = np.broadcast_arrays(azimuth, altitude)
+    return azimuth, altitude
 
 
 def _add_disc(relative: NDArray, view: Any, pixels: Pixels, disc: Disc, strength: F64 | float) -> None:

@@ -124,6 +124,26 @@ def test_the_solver_lights_and_renders_alone(tmp_path):
         lit[0].save(tmp_path / "light")
 
 
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"views": [Camera.allsky(40.0, 10.0, size=4)]}, r"a view is .*: give Rays, as camera.rays\(scene_frame"),
+        ({"views": Camera.allsky(40.0, 10.0, size=4)}, "views is .*: give Rays or a list"),
+        ({"sun_direction": [0, 0, 0]}, r"sun_direction is \[0, 0, 0\]: give a unit vector"),
+        ({"sun_direction": [0, 0, 2]}, "give a unit vector"),
+        ({"sun_direction": [0, np.nan, 1]}, "give a unit vector"),
+        ({"sun_direction": (180, 45)}, "give a unit vector"),
+        ({"sun_direction": "up"}, "sun_direction must be numbers"),
+    ],
+)
+def test_what_the_core_is_called_with_is_looked_at(given, named):
+    with pytest.raises(UserError, match=named):
+        Solver("linear").linear_core(**{"scene": _scene(), "sun_direction": SUN, "wavelengths_nm": [650.0]} | given)
+    if "sun_direction" in given:
+        with pytest.raises(UserError, match=named):
+            Solver("fast").solve(_scene(), given["sun_direction"])
+
+
 def test_what_the_core_does_not_follow_is_refused():
     with pytest.raises(UserError, match="the sun is below"):
         Solver("linear").linear_core(_scene(), [1.0, 0.0, 0.01], WAVELENGTHS_NM)
