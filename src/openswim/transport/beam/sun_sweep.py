@@ -41,7 +41,7 @@ _GAP = 3  # levels free of cloud that part one layer from another
 _DEEPEST_M = 5000.0  # below the grid, to which rays go on their way to a sun under the horizon
 _FOLLOWED = 8  # levels after which rays are read in cells wider than clouds are tall, where they move by less than one;
 # measured on IFS of 19 and 38 km and on GFS of 2.5 degrees
-_CLOUDS_M = 10_000.0  # height of clouds
+CLOUDS_M, _READ = 10_000.0, 3.0  # height of clouds; how often rays are read in it that move by more than such a cell
 _MOST_STEPS = 256  # from one level to the next in a period, which a level ray goes through again and again
 
 
@@ -248,7 +248,7 @@ def _row_to_sun(k, j, grid, scratch, ray, turn):
     nx = grid.exact.shape[2]
     sun, levels_m, cell_m, radius_m = grid.sun, grid.levels_m, grid.cell_m, grid.radius_m
     above_m = levels_m[k] - levels_m[0]
-    wide = min(cell_m[0], cell_m[1]) >= _CLOUDS_M
+    wide = min(cell_m[0], cell_m[1]) >= CLOUDS_M
     deepest = _dip(above_m + _DEEPEST_M, radius_m)
     dark = min(deepest, _dip(above_m, radius_m) - SUN_RADIUS_RAD)
     lowest = 0.0 if grid.periodic else deepest  # in a period, which is flat, the cloud would be but a bit of the way
@@ -264,8 +264,13 @@ def _row_to_sun(k, j, grid, scratch, ray, turn):
             if max(sun[j, i, 2], sun[j, end - 1, 2]) < dark:
                 continue
             _aim(sun[j, (i + end) // 2], cell_m, lowest, ray)
-            if wide and last > k + _FOLLOWED and _moved(ray, _CLOUDS_M, radius_m) < 1.0:
-                last = k + _FOLLOWED
+            if wide and last > k + _FOLLOWED:
+                farther = _moved(ray, CLOUDS_M, radius_m) >= 1.0
+                rise_m = levels_m[k] + CLOUDS_M / _READ if farther else levels_m[k]
+                until = k + _FOLLOWED
+                while until < last and levels_m[until] < rise_m:
+                    until += 1
+                last = until
             pieces = _pieces(ray, turn, levels_m[last] - levels_m[k], radius_m, end - i)
             for piece in range(pieces):
                 one, next_one = i + (end - i) * piece // pieces, i + (end - i) * (piece + 1) // pieces
@@ -330,8 +335,9 @@ def sun_sweep(
     ``sun`` (ny, nx, 3) in each column's own axes. Nodes marked ``exact`` follow their ray through the layer of cloud
     that they are in, or the next above, and read what lies beyond a gap on the level that ends it; the others go one
     level up and read there, which is cheap but blurs shadows by a cell per level. In cells wider than clouds are tall,
-    rays that move by less than a cell through these are followed for `_FOLLOWED` levels: in all that smears by less
-    than a cell. Handles any sun, also one below the horizon of a node on the curved Earth: the way up then starts
+    rays that move by less than a cell through these are followed for `_FOLLOWED` levels, others for a third of the
+    clouds' height: in all that smears by less than a cell. Handles any sun, also one below the horizon of a node on
+    the curved Earth: the way up then starts
     downward. Depths are 0 where the Earth hides the sun.
     """
     cloudy = _cloudy_parts(extinction, periodic)
