@@ -175,10 +175,12 @@ def test_depths_through_a_random_field(azimuth: float, altitude: float, periodic
     assert np.sqrt(((depth - expected) ** 2).mean() / (expected**2).mean()) < 0.002
 
 
-@pytest.mark.parametrize(("azimuth", "altitude", "most"), [(115, 40, 0.13), (20, 70, 0.022)])
+@pytest.mark.parametrize(
+    ("azimuth", "altitude", "most"), [(115, 40, 0.13), (20, 70, 0.022), (115, 20, 0.3), (20, 6, 0.26)]
+)
 def test_depths_between_wide_cells(azimuth: float, altitude: float, most: float) -> None:
     """Rays that move by less than a cell through clouds are read after eight levels, which smears a tenth of what two
-    noisy cells differ by."""
+    noisy cells differ by; those that move by more three times on the clouds' height, a quarter; the mean stays."""
     rng = np.random.default_rng(azimuth)
     nz, ny, nx, cell = 81, 17, 29, np.array([19e3, 15e3, 150.0])
     field = 1e-4 * (gaussian_filter(rng.random((nz, ny, nx)), [3.0, 0.7, 0.7], mode="wrap") - 0.4).clip(0)

@@ -6,6 +6,8 @@ brighter the map is there; its streets run two ways, and main roads run along it
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import erf
@@ -20,33 +22,47 @@ _SPOT_M, _MAIN_SPOT_M = 4.5, 6.5  # what a lamp lights, to 1/sqrt(e)
 _STREETS_M = (70.0, 130.0), (110.0, 220.0)  # from street to street, one way and the other
 _BENT_M, _BEND_M = 18.0, 90.0  # how far streets swing to both sides, over 2 pi times how long
 _ASTRAY_M, _BENDS_M = 55.0, (290.0, 330.0)  # the same of bounds
-_YARD_M, _YARD_SPOT_M = 24.0, 2.5
+_YARD_M, _YARD_SPOT_M = 24.0, 2.5  # cells of one light at most between streets; what it lights
 _OF_STREETS, _OF_ROADS = 0.62, 0.13  # of a quarter's light; the rest comes from its yards
 _ROADS_PER_M = 1.92 / QUARTER_M  # length of bounds over area, measured on 1e6 places
 _ROADS_MERGE_M = 60.0  # width of spots from which on roads show less and less
 _OF_WIDTH = 0.4  # of a pixel's width, by which spots are blurred
-_MERGED = 0.6  # of a quarter's size, width of pixels that see but the mean
+_MERGED_M = 0.6 * QUARTER_M  # width of pixels that see little but the mean
+WIDEST_M = 4 * _MERGED_M  # from which on they see nothing else
+_LEAST_BRIGHT, _MOST_BRIGHT = 0.4, 1.6  # of quarters, over their mean
+_SODIUM = 0.9  # from the quarter with least of it to that with most, what differs of its share
+_NEXT = 8191  # apart in the numbers of quarters, so that streets and lamps of two quarters have not the same
 
 
-def lamps_seen(
-    lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike, radiance_nw: ArrayLike
-) -> tuple[F64, F64]:
+class _Quarter(NamedTuple):
+    """The quarters of places (n,): which, and where from their middles places lie, m to the east and north."""
+
+    i: F64
+    j: F64
+    east_m: F64
+    north_m: F64
+
+    def chance(self, which: int) -> F64:
+        return chance(self.i, self.j, which)
+
+
+def lamps_seen(lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike, radiance_nw: ArrayLike) -> tuple[F64, F64]:
     """What an eye sees of towns' light over its mean (n,), 1 in the mean over many quarters, and the share (n,) of it
-    that is sodium's, half in the mean; pixels wider than quarters see the mean alone."""
+    that is sodium's, half in the mean; pixels of `WIDEST_M` see the mean alone."""
     given = (np.asarray(v, float) for v in (lat, lon, footprint_m, radiance_nw))
     lat, lon, width, bright = (each.ravel() for each in np.broadcast_arrays(*given))
     lit = np.clip(bright / _TOWN_NW, _LEAST_LIT, 1.0)
     own, other, away_m = _quarters(*_bent(lat, lon))
     blur_m = _OF_WIDTH * width
-    within, roads = own.chance(0) < lit, other.chance(0) < lit
+    here, beyond = own.chance(0) < lit, other.chance(0) < lit  # the quarters on both sides of a road
     streets, yards = _streets(own, np.hypot(_SPOT_M, blur_m))
     quarter = _OF_STREETS * streets + (1 - _OF_STREETS - _OF_ROADS) * yards
-    quarter *= (0.4 + 1.2 * own.chance(1)) / (1 - _OF_ROADS)
-    shown = (1 - _OF_ROADS) * np.where(within, quarter / lit, 0.0)
+    quarter *= _LEAST_BRIGHT + (_MOST_BRIGHT - _LEAST_BRIGHT) * own.chance(1)
+    shown = np.where(here, quarter / lit, 0.0)
     along = _main_road(own, other, away_m, np.hypot(_MAIN_SPOT_M, blur_m))
-    shown += _OF_ROADS * np.where(within | roads, along / (1 - (1 - lit) ** 2), 0.0)
-    near = np.exp(-((width / (_MERGED * QUARTER_M)) ** 2))
-    return near * shown + (1 - near), 0.5 + near * 0.9 * (own.chance(2) - 0.5)
+    shown += _OF_ROADS * np.where(here | beyond, along / (1 - (1 - lit) ** 2), 0.0)
+    near = np.exp(-((width / _MERGED_M) ** 2))
+    return near * shown + (1 - near), 0.5 + near * _SODIUM * (own.chance(2) - 0.5)
 
 
 def _bent(lat: F64, lon: F64) -> tuple[F64, F64]:
@@ -55,16 +71,6 @@ def _bent(lat: F64, lon: F64) -> tuple[F64, F64]:
     east, north = _BENDS_M
     lon = lon + _ASTRAY_M * np.sin(lat * DEGREE_M / north) / here_m
     return lat + _ASTRAY_M * np.sin(lon * DEGREE_M / east) / DEGREE_M, lon
-
-
-class _Quarter:
-    """The quarters of places (n,): which, and where from their middles places lie, m to the east and north."""
-
-    def __init__(self, i: F64, j: F64, east_m: F64, north_m: F64) -> None:
-        self.i, self.j, self.east_m, self.north_m = i, j, east_m, north_m
-
-    def chance(self, which: int) -> F64:
-        return chance(self.i, self.j, which)
 
 
 def _quarters(lat: F64, lon: F64) -> tuple[_Quarter, _Quarter, F64]:
@@ -114,9 +120,9 @@ def _streets(own: _Quarter, spot_m: F64) -> tuple[F64, F64]:
 def _row_of_lamps(own: _Quarter, across: F64, along: F64, apart_m: F64, spot_m: F64, salt: int) -> F64:
     """Light (n,) of lamps along streets ``apart_m``, each of its own strength, over the mean."""
     street = np.round(across / apart_m)
-    shifted = along + _APART_M * chance(own.i * 8191 + street, own.j, salt)
+    shifted = along + _APART_M * chance(own.i * _NEXT + street, own.j, salt)
     lamp = np.round(shifted / _APART_M)
-    strength = chance(own.i * 8191 + street, own.j * 8191 + lamp, salt + 1)
+    strength = chance(own.i * _NEXT + street, own.j * _NEXT + lamp, salt + 1)
     single = np.exp(-4 * (spot_m / _APART_M) ** 2)
     light = _spot(across - street * apart_m, apart_m, spot_m) * _spot(shifted - lamp * _APART_M, _APART_M, spot_m)
     return light * (1 + single * 1.6 * (strength - 0.5))
@@ -125,7 +131,7 @@ def _row_of_lamps(own: _Quarter, across: F64, along: F64, apart_m: F64, spot_m: 
 def _yards(own: _Quarter, u: F64, v: F64, spot_m: F64) -> F64:
     """Light (n,) of lamps and windows here and there, few of them bright, over the mean."""
     column, row = np.round(u / _YARD_M), np.round(v / _YARD_M)
-    which = own.i * 8191 + column, own.j * 8191 + row
+    which = own.i * _NEXT + column, own.j * _NEXT + row
     shift = [0.6 * _YARD_M * (chance(*which, n) - 0.5) for n in (30, 31)]
     light = _spot(u - column * _YARD_M, _YARD_M, spot_m, shift[0]) * _spot(v - row * _YARD_M, _YARD_M, spot_m, shift[1])
     return light * (1 + np.exp(-4 * (spot_m / _YARD_M) ** 2) * (5 * chance(*which, 32) ** 4 - 1))

@@ -20,7 +20,7 @@ from openswim.ground.model import ModelGround
 from openswim.ground.reflectance import hemispherical_albedo
 from openswim.ground.relief import height_maps, mapped_height, mapped_normals, refined_terrain
 from openswim.ground.sample import SurfaceSample
-from openswim.ground.streets import lamps_seen
+from openswim.ground.streets import WIDEST_M, lamps_seen
 from openswim.optics.matter import with_own_vapour
 from openswim.scene.aerosol import central_ground_m
 from openswim.scene.frame import Frame
@@ -79,7 +79,7 @@ class SceneSurface:
         bright = city_radiance(lat, lon, self.scene.ground, footprint_m)
         shining = bright[..., None] * self.lamps
         if detail:
-            some = np.flatnonzero(bright > 0)
+            some = np.flatnonzero((bright > 0) & (np.asarray(footprint_m) < WIDEST_M))
             seen, sodium = lamps_seen(*(v[some] for v in np.broadcast_arrays(lat, lon, footprint_m, bright)))
             shining[some] *= seen[:, None] * (1 + (2 * sodium[:, None] - 1) * sodium_tint(self.wavelengths_nm))
         return np.asarray(shining)
