@@ -30,6 +30,14 @@ def test_real_files(nwp):
     assert 0.5 < cover.max(axis=0).mean() < 0.8
 
 
+def test_clouds_that_cover_less_than_nothing_are_told(tmp_path):
+    """Of one level, -1 %: within what packing may do to a field by itself, and all of it."""
+    product = gf.icon(gf.AROME, levels=6)
+    next(each for each in product.messages if each.parameter == (0, 6, 22)).values = lambda lat, lon: -1.0
+    notes = open_scene(gf.write(tmp_path / "cover.grib", product)).notes
+    assert "cloud cover runs from -0.01 to 0.4: none below 0, all above 1; a damaged field?" in notes
+
+
 @pytest.mark.parametrize(("product", "share"), [(gf.ifs(gf.AROME), 0.5), (gf.icon(gf.AROME), 0.4)], ids=["IFS", "ICON"])
 def test_grib(tmp_path, product, share):
     scene = open_scene(gf.write(tmp_path / "file", product))

@@ -38,6 +38,16 @@ def test_the_poles_winter_and_a_plateau_called_sea_level_pass():
     scene(air_pressure=lambda p: 0.65 * p)
 
 
+@pytest.mark.parametrize("times", [0.93, 1.05])
+def test_pressures_of_the_antarctic_and_of_siberia_are_not_odd(times):
+    assert not any("standard atmosphere" in note for note in scene(air_pressure=lambda p: times * p).notes)
+
+
+def test_a_slab_is_as_wide_as_it_is_given():
+    slab = Grid(1e2 * np.arange(8), 5e4 * np.arange(2), HEIGHT)
+    assert not any("same unit" in note for note in check_plausible(xr.Dataset(), slab))
+
+
 def test_a_radius_at_its_bound_passes_in_single_precision():
     """10 um is 9.9999997 there."""
     assert float(np.float32(10e-6)) < 10e-6
@@ -84,6 +94,10 @@ def test_what_no_atmosphere_has_is_refused_with_its_smell(changed, words):
         ({"liquid_number": np.full(31, 1e11)}, "liquid_number is 1e+11 m-3 at most"),
         ({"height": HEIGHT + 900.0}, "the lowest level is 910 m above sea level"),
         ({"crs": "EPSG:4326", "x": 2.5 * np.arange(4), "y": 0.25 * np.arange(4)}, "cells of 2.5 x 0.25 degrees"),
+        ({"cloud_area_fraction": np.full(31, 0.01)}, "cloud_area_fraction is 0.01 at most"),
+        ({"aerosol_extinction": 4e-3 * np.exp(-HEIGHT / 1e3)}, "aerosol has an optical depth of 4"),
+        ({"y": 1e4 * np.arange(4)}, "cells of 1e+03 x 1e+04 m"),
+        ({"air_pressure": lambda p: 0.87 * p}, "0.87 times that of the standard atmosphere at 10 m"),
     ],
 )
 def test_what_is_odd_is_told(changed, words):

@@ -18,20 +18,28 @@ from openswim.scene.grid import Grid
 from openswim.scene.oddities.damage import damaged_fields
 from openswim.scene.oddities.neighbours import uneven_air
 from openswim.scene.oddities.values import odd_clouds, odd_phases, odd_values
-from openswim.scene.plausible_air import check_pressure, check_temperature, sampled, times_text, warmth
+from openswim.scene.plausible_air import (
+    check_pressure,
+    check_temperature,
+    pressure_of_sea_level,
+    sampled,
+    times_text,
+    warmth,
+)
 from openswim.scene.variables import HYDROMETEORS
 
 _EARTHS_M = (6.2e6, 6.6e6)  # radii of planets that have the Earth's air
 _BURIED_M = 500.0  # lowest levels higher than this above the ground are told
 _SUNK_M = 50.0
 _WIDE = 4.0  # times as wide as tall
+_SLAB = 4  # columns across: a model in two dimensions
 # Of water in the mean of a domain: hurricanes have 5; rain and hail in the core of a storm, all that a narrow one
 # holds, some tens
 _MOST_PATH_KG_M2, _MOST_OF_A_CORE_KG_M2, _WIDE_M = 12.0, 100.0, 2e5
 _SOME_KG_M2 = 1e-3  # of water, under which it may lie anywhere
 _MOST_KG_M3 = {"liquid": 0.02, "ice": 0.03, "rain": 0.05, "snow": 0.05, "graupel": 0.08}  # 5 x known
 _LEAST_HAZE, _HAZES_OF_ALL = 5e-4, 3  # the cleanest air, of the Antarctic, has 10 times as much; of so many species
-_MOST_HAZE = 20.0  # optical depth of aerosol in the mean of a domain; the thickest dust storms and smoke have 5
+_MOST_HAZE, _THICK_HAZE = 20.0, 3.0  # optical depth of aerosol, domain's mean; the thickest dust and smoke have 5
 _HAZES = ("aerosol_extinction", *(f"extinction_{name}" for name in (
     "black_carbon", "dust", "fine_particles", "nitrate", "organic_matter", "sea_salt", "smoke", "sulphate",
 )))  # fmt: skip
@@ -63,6 +71,7 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
         if "air_pressure" in data:
             pressure = data["air_pressure"].values
             check_pressure(pressure, grid.height_m, heights)
+            notes += pressure_of_sea_level(sampled(pressure[:1]), heights[:1])
             if "air_temperature" in data:
                 notes += warmth(pressure, data["air_temperature"].values, heights)
                 notes += uneven_air(pressure, data["air_temperature"].values, heights_m, max(grid.spacing_m()))
@@ -74,12 +83,11 @@ def check_plausible(data: xr.Dataset, grid: Grid | None) -> list[str]:
 
 def _places(grid: Grid) -> list[str]:
     """Cells of a shape that models have."""
-    if not grid.curved:
-        return []
     dx, dy = grid.step  # in degrees too: a model's cells are narrow only near the poles
-    if not np.isfinite(grid.lonlat(*grid.centre_index)).all():
+    if grid.curved and not np.isfinite(grid.lonlat(*grid.centre_index)).all():
         raise UserError("grid: its centre is no place on Earth: correct the coordinates, or the projection")
-    if max(dx / dy, dy / dx) <= _WIDE:
+    slab = not grid.curved and min(grid.shape[1:]) < _SLAB  # whose width is anything
+    if slab or max(dx / dy, dy / dx) <= _WIDE:
         return []
     units = "degrees" if grid.in_degrees else "m"
     return [f"cells of {dx:.3g} x {dy:.3g} {units}: are both coordinates in the same unit?"]
@@ -129,6 +137,8 @@ def _water(data: xr.Dataset, heights: NDArray[np.float32], width_m: float) -> li
                 f"scene: aerosol has an optical depth of {depth:.3g} at 550 nm in the mean of the domain; the thickest "
                 "dust storms have 5: is it in another unit (ug in place of kg, km-1 in place of m-1)?"
             )
+        if depth > _THICK_HAZE:
+            notes.append(f"aerosol has an optical depth of {depth:.2g} in the mean: a dust storm, or thick smoke?")
         if 0 < depth < _LEAST_HAZE and len(hazes) >= _HAZES_OF_ALL:
             notes.append(f"aerosol has an optical depth of {depth:.2g}, next to nothing: is it in the unit it says?")
     total = sum(paths.values())

@@ -18,6 +18,9 @@ _WARMTH, _WARMTHS = (0.98, 1.025), (0.94, 1.07)  # of temperature to that of thi
 _ROUNDING = 2e-5  # of the largest pressure: that of files packed in 16 bits
 _THIN_M, _HIGH_PA = 50.0, 2000.0  # thinner or higher layers tell no temperature
 _LAYER_K, _COLUMN_K = (60.0, 1000.0), (150.0, 450.0)  # of layers and of columns, from thickness and pressures
+# Of pressure to that of the standard atmosphere at its height, at the ground: Antarctica's plateau has 0.93, Siberia's
+# winter 1.05, Tibet's summer 1.03, the middle of a hurricane 0.95 in the mean over 200 km
+_AT_SEA, _PLATEAU_M = (0.9, 1.08), 4500.0
 _DEEP_M = 2000.0  # thinner domains may have a pressure of their own: that of their dynamics
 _SAMPLES = 64  # columns each way that stand for all where a mean is asked for
 
@@ -72,6 +75,20 @@ def check_pressure(pressure: NDArray[np.float32], height_m: NDArray[np.float32],
             f"scene: pressures and heights of levels {k + 1} and {k + 2} fit together only if air had {layer[k]:.3g} "
             "K: a repeated, lost or misplaced level, or a damaged field"
         )
+
+
+def pressure_of_sea_level(lowest: NDArray[np.float32], height_m: NDArray[np.float32]) -> list[str]:
+    """A note where the lowest level's pressure is not that of its height, anywhere on Earth: the ground is too high or
+    too low, by what it is said to be."""
+    high = np.asarray(height_m, np.float64)
+    standard = us_standard_pressure_temperature(high)[0]
+    middle = float(np.median(lowest / standard))
+    if float(np.median(high)) > _PLATEAU_M or _AT_SEA[0] < middle < _AT_SEA[1]:
+        return []
+    return [
+        f"air_pressure is {middle:.2g} times that of the standard atmosphere at {float(np.median(high)):.0f} m, the "
+        "lowest level: are heights above sea level, and in metres?"
+    ]
 
 
 def warmth(pressure: NDArray[Any], temperature: NDArray[Any], heights: NDArray[Any]) -> list[str]:

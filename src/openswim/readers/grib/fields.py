@@ -59,7 +59,7 @@ def _cover(columns: Columns, air: Air, found: dict[str, F32]) -> None:
         values = taken(columns, COVER, fields, air.levels)
         if float(values.max(initial=0.0)) > 1.01 or float(values.min(initial=0.0)) < -0.01:
             raise UserError(f"{columns.file.path}: cloud cover to {float(np.abs(values).max()):g}: wrong units")
-        found["cloud_area_fraction"] = np.clip(values, 0, 1)
+        found["cloud_area_fraction"] = _fraction(columns, COVER, values)
         return
     water = [found[name] for name in (_LIQUID, _ICE) if name in found]
     if cover_is_guessed(columns, air) and np.any(water):
@@ -178,7 +178,7 @@ def _snow(columns: Columns) -> F32 | None:
 
 
 def _fraction(columns: Columns, name: str, values: F32) -> F32:
-    """What covers the ground, from 0 to 1; a note where it is said to be less or more than packing makes it."""
+    """A share of a cell or of the ground, from 0 to 1; a note where it is less or more than packing makes it."""
     if values.min() < -_PACKED or values.max() > 1 + _PACKED:
         columns.notes.append(
             f"{name} runs from {values.min():.3g} to {values.max():.3g}: none below 0, all above 1; a damaged field?"
