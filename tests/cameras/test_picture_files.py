@@ -226,16 +226,17 @@ def dng(counts, black, white, orientation=1):
     return b"II*\0" + struct.pack("<IH", 8, len(tags)) + entries + b"\0" * 4 + extra + counts.astype("<u2").tobytes()
 
 
-def test_raw_files_are_linear(tmp_path):
+@pytest.mark.parametrize("green", [0.75, 0.95])  # a bright frame keeps its white, too
+def test_raw_files_are_linear(tmp_path, green):
     """Counts above black, as shares of those from black to white: no white balance, no gamma."""
     pytest.importorskip("rawpy")
     counts = np.empty((64, 80), np.uint16)
     counts[::2, ::2], counts[1::2, 1::2] = 1512, 2512  # red, blue
-    counts[::2, 1::2] = counts[1::2, ::2] = 3512
+    counts[::2, 1::2] = counts[1::2, ::2] = 512 + 4000 * green
     (tmp_path / "a.dng").write_bytes(dng(counts, 512, 4512))
     picture = read_picture(tmp_path / "a.dng")
     assert picture.counts.shape == (64, 80, 3)
-    np.testing.assert_allclose(picture.counts[20:40, 20:40].mean(axis=(0, 1)) / 65535, [0.25, 0.75, 0.5], atol=0.002)
+    np.testing.assert_allclose(picture.counts[20:40, 20:40].mean(axis=(0, 1)) / 65535, [0.25, green, 0.5], atol=0.002)
 
 
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])  # what cameras write

@@ -196,7 +196,7 @@ def _read_raw(path: Path) -> Picture:
         _check_size(path, raw.sizes.width, raw.sizes.height)
         counts = raw.postprocess(
             gamma=(1, 1), no_auto_bright=True, output_bps=16, use_camera_wb=False, user_wb=[1, 1, 1, 1],
-            output_color=rawpy.ColorSpace.raw,
+            output_color=rawpy.ColorSpace.raw, adjust_maximum_thr=0.0,  # else the brightest pixel becomes white
         )  # fmt: skip
     return Picture(counts, 65535.0)
 
