@@ -12,9 +12,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from openswim.errors import UserError
+from openswim.ground.reflectance import hemispherical_albedo
 from openswim.progress import job
 from openswim.scene.rays import Rays
 from openswim.transport.air.shells import build_shells
@@ -31,8 +32,9 @@ from openswim.transport.march.volume import FAR_M, Shells, Volume
 from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested, sparse
-from openswim.transport.view.around_shadow import light_around, within_sides
+from openswim.transport.view.around_shadow import light_around
 from openswim.transport.view.level_ice import level_ice
+from openswim.transport.view.lit_from_below import LOWEST_EYE_M, LitFromBelow
 from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, Water, wet_rays
 from openswim.transport.view.seen import Seen, View
 from openswim.transport.view.shading import shade
@@ -139,7 +141,39 @@ class AimedGrid:
                 found.radiance[hit] += found.through[hit] * level.more_of_the_sun(place[hit]) * ground
         if self.lit.eclipse is not None:
             self._add_light_around(found, origin, direction, place)
+        else:
+            self._add_light_from_below(found, origin, direction, place)
         return found
+
+    def _add_light_from_below(self, found: Seen, origin: F64, direction: F64, place: F64) -> None:
+        """What air seen from space has from the ground below it, more or less than over the mean of the domain's; but
+        for what the grid solves with its own ground."""
+        lit, radius_m = self.levels[-1].lit, self.sky.radius_m
+        if lit.air is None or lit.lighting.shining is not None:
+            return
+        up = np.array([0.0, 0.0, radius_m])
+        eye_m = np.linalg.norm(origin + up, axis=-1) - radius_m
+        which = np.flatnonzero((found.distance >= 0) & (eye_m > LOWEST_EYE_M))
+        beside = ~self.levels[-1].holds(place[which])
+        if lit.options.name != "swim":
+            which, beside = which[beside], beside[beside]
+        if which.size == 0:
+            return
+        ground = lit.once("lit from below", lambda: LitFromBelow.of(sunlit_wide_shells(lit), black_shells(lit)))
+        if ground is None:
+            return
+        lat, lon, _ = lit.frame.latlon(place[which])
+        vertical = place[which] + up
+        vertical /= np.linalg.norm(vertical, axis=-1, keepdims=True)
+        sample = lit.surface.sample(lat, lon)
+        of_air, of_ground = ground.more(
+            hemispherical_albedo(sample, lit.wavelengths_nm), 1 - np.asarray(sample.water), vertical @ lit.sun,
+            -(vertical * direction[which]).sum(-1), eye_m[which],
+        )  # fmt: skip
+        if self.volume.species:
+            of_air *= np.exp(-found.depth[which, : self.volume.species].astype(float) @ self.volume.scaled)
+        more = of_air + beside[:, None] * found.through[which] * of_ground
+        found.radiance[which] = np.maximum(found.radiance[which] + more, 0)
 
     def _add_light_around(self, found: Seen, origin: F64, direction: F64, place: F64) -> None:
         """What air beside the grids has more or less of the sun than is left over the scene's middle."""
@@ -160,9 +194,12 @@ class AimedGrid:
 
     def holds(self, place: F64) -> NDArray[np.bool_]:
         """Which of places (n, 3) lie within the grid's sides."""
-        if self.lit.medium is None or self.volume.periodic:
+        medium = self.lit.medium
+        if medium is None or medium.periodic:
             return np.full(len(place), self.volume.periodic)
-        return within_sides(self.volume, self.sky.radius_m, place)
+        ix, iy = medium.indices(place)
+        _, ny, nx = medium.shape
+        return np.asarray((ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1))
 
     def more_of_the_sun(self, place: F64) -> F64 | float:
         """Of places (n, 3) on ground beside the grid, how many times the light they have that the scene's origin has:
@@ -375,14 +412,17 @@ def wide_shells(lit: LitGrid) -> Shells:
 
 def sunlit_wide_shells(lit: LitGrid) -> Shells:
     """The same without the moon's shadow."""
-    s, air = lit.shells, lit.air
+    return lit.once("wide shells", lambda: _every_sun(lit, lit.shells.ground_albedo))
 
-    def make() -> Shells:
-        return build_shells(
-            air_of(air, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m, s.ground_albedo, s.top_m, scale=1.5
-        )
 
-    return lit.once("wide shells", make)
+def black_shells(lit: LitGrid) -> Shells:
+    """`sunlit_wide_shells` over ground that is black."""
+    return lit.once("black shells", lambda: _every_sun(lit, 0.0))
+
+
+def _every_sun(lit: LitGrid, albedo: ArrayLike) -> Shells:
+    s = lit.shells
+    return build_shells(air_of(lit.air, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m, albedo, s.top_m, scale=1.5)
 
 
 def _reach_deg(rays: Rays, shells: Shells) -> float:

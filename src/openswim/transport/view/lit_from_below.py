@@ -1,0 +1,96 @@
+"""Light that the ground sends up into the air over it, seen from space: by the ground that is there.
+
+The shells stand on ground of one albedo, the domain's mean. Over sea beside bright land the air would be too bright, by
+up to a tenth in red light, and a domain would show its sides. What the ground of an albedo a adds to the light of the
+air above it goes with
+
+    f(a) = a/(1 - s a),
+
+s the share of it that air sends back; for shells over black ground and over theirs, path radiances differ by t f(a).
+So t(mu_sun, mu_view) is tabled, once, and a ray that ends on ground of albedo b has t [f(b) - f(a)] more. The ground
+has (1 - s a)/(1 - s b) times the light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from openswim.transport.air.shells import no_volume
+from openswim.transport.engine.interpolation import bilinear
+from openswim.transport.engine.pack import PACK
+from openswim.transport.engine.types import FLOAT
+from openswim.transport.march.march import march_rays
+from openswim.transport.march.volume import Shells
+
+F64 = NDArray[np.float64]
+
+_MU_SUN = np.array([-0.1, -0.03, 0.0, 0.03, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0])
+_MU_VIEW = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.65, 1.0])
+_FROM_M = 5e6  # along a ray from the ground, beyond all air
+_NEXT_TO_BLACK = 0.005  # albedos that tell nothing of t
+# Eyes between which this fades in: to lower ones the air below them is not all that they see
+LOWEST_EYE_M, _HIGHEST_EYE_M = 1e4, 4e4
+_LEVEL = 0.15  # cosine of the zenith angle, up to which it fades out: beside rays that meet no ground
+
+
+@dataclass(frozen=True)
+class LitFromBelow:
+    """t (PACK, suns, views), albedo a and share s (PACK,) of the shells that rays go through, and the flux (PACK, suns)
+    at their ground."""
+
+    table: F64
+    albedo: F64
+    share: F64
+    flux: F64
+
+    @classmethod
+    def of(cls, shells: Shells, black: Shells) -> LitFromBelow | None:
+        """From shells, and the same over black ground; None where theirs is next to black."""
+        albedo = shells.ground_albedo.astype(float)
+        if albedo.max() < _NEXT_TO_BLACK:
+            return None
+        # flux at the ground goes with 1/(1 - s a)
+        grown = black.ground_flux.sum(axis=0, dtype=float) / np.maximum(shells.ground_flux.sum(axis=0), 1e-30)
+        share = np.clip((1 - grown) / np.maximum(albedo, _NEXT_TO_BLACK), 0.0, 1.0)
+        more = np.maximum(_path_radiance(shells) - _path_radiance(black), 0.0)
+        table = more / np.maximum(_sent(albedo, share), 1e-30)[:, None, None]
+        places = np.interp(_MU_SUN, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
+        suns = np.arange(len(shells.ground_flux))
+        flux = [np.interp(places, suns, own) for own in shells.ground_flux.T]
+        return cls(table, albedo, share, np.array(flux))
+
+    def more(self, albedo: F64, dull: F64, mu_sun: F64, mu_view: F64, eye_m: F64) -> tuple[F64, F64]:
+        """L' (n, PACK) of the air, and of the ground, to add to rays that end on ground of this albedo (n, PACK), by
+        cosines of the zenith angles of sun and view there (n,), and heights of the eye (n,), m. ``dull``: what of the
+        ground is no water (n,), which mirrors most of what it sends elsewhere."""
+        at_sun = np.interp(mu_sun, _MU_SUN, np.arange(len(_MU_SUN)))
+        at_view = np.interp(mu_view, _MU_VIEW, np.arange(len(_MU_VIEW)))
+        whole = _smooth((eye_m - LOWEST_EYE_M) / (_HIGHEST_EYE_M - LOWEST_EYE_M)) * _smooth(mu_view / _LEVEL)
+        sent = _sent(albedo, self.share) - _sent(self.albedo, self.share)
+        grown = (1 - self.share * self.albedo) / (1 - self.share * albedo) - 1
+        flux = bilinear(self.flux[:, None], at_sun, 0 * at_sun)
+        whole = whole[:, None]
+        return whole * sent * bilinear(self.table, at_view, at_sun), whole * grown * 4 * dull[:, None] * albedo * flux
+
+
+def _path_radiance(shells: Shells) -> F64:
+    """L' (PACK, suns, views) of the air between space and the ground, a quarter of a circle from the sun's azimuth."""
+    across = np.sqrt(1 - _MU_VIEW**2)
+    direction = np.stack([-across, 0 * across, -_MU_VIEW], axis=-1)
+    origin = np.array([0.0, 0.0, shells.ground_m]) - _FROM_M * direction
+    peaks = np.zeros((1, 2, 2, PACK), FLOAT)
+    suns = [np.array([0.0, np.sqrt(1 - mu * mu), mu]) for mu in _MU_SUN]
+    found = [march_rays(origin, direction, sun, peaks, shells, no_volume(), 1.0).radiance for sun in suns]
+    return np.moveaxis(np.array(found, float), -1, 0)
+
+
+def _sent(albedo: F64, share: F64) -> F64:
+    return np.asarray(albedo / (1 - share * albedo))
+
+
+def _smooth(t: F64) -> F64:
+    t = np.clip(t, 0, 1)
+    return np.asarray(t * t * (3 - 2 * t))
