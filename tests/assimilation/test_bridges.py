@@ -43,6 +43,19 @@ def test_jax() -> None:
     assert found == pytest.approx(slope(op, way), rel=1e-6)
 
 
+def test_jax_maps_over_members_and_rows() -> None:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    op = operator()
+    f = op.as_jax()
+    arrays = [jax.numpy.asarray(v.values) for v in op.first().values()]
+    members = [jax.numpy.stack([a, 1.1 * a]) for a in arrays]
+    both = jax.vmap(f)(*members)
+    np.testing.assert_allclose(both[1], op(1.1 * op.first()), rtol=1e-12)
+    rows = jax.jacrev(lambda *a: f(*a)[-2:])(*arrays)
+    np.testing.assert_allclose(rows, op.linearize(op.first()).jacobian([op.size - 2, op.size - 1]).extinction_cloud)
+
+
 @pytest.mark.parametrize("device", ["cpu", "cuda"])
 def test_torch(device: str) -> None:
     torch = pytest.importorskip("torch")

@@ -12,6 +12,7 @@ from tests.assimilation.toy import cloud, flat_scene, toy_core
 
 from openswim import Camera, UserError
 from openswim.assimilation import observe
+from openswim.assimilation.observing.observations import check_observed
 
 SUN = (140.0, 50.0)
 CAMERAS = [Camera.allsky(x_m=200.0, y_m=260.0, size=9, fov_deg=150.0),
@@ -172,6 +173,7 @@ def test_wrong_requests_are_one_line() -> None:
         ({"where": np.zeros((8, 10, 12))}, "nowhere true"),
         ({"where": "cloud"}, "must be numbers"),
         ({"wavelengths_nm": ["red"]}, "must be numbers"),
+        ({"wavelengths_nm": [550.0, 550.0]}, "give each once"),
         ({"heights_m": 500.0}, "lowest, highest"),
         ({"heights_m": ("a", "b")}, "must be numbers"),
         ({"controls": 3}, "controls is 3: give a list"),
@@ -204,9 +206,11 @@ def test_wrong_requests_are_one_line() -> None:
         ({"representation": [0.1]}, "for each of 2"),
         ({"saturated": "white"}, "must be a number"),
         ({"use": [np.zeros((9, 9)), None]}, "no pixel of camera 0"),
+        ({"use": [None, np.ones((9, 9))]}, r"use of camera 1 is \(9, 9\); give \(6, 8\)"),
+        ({"irradiance_w_m2": [0.5, 0.6]}, "is it in kW m-2"),
     ):
         with pytest.raises(UserError, match=match):
-            op.observations(images, [1.0, 2.0], **given)
+            op.observations(images, **{"irradiance_w_m2": [500.0, 600.0]} | given)
 
 
 def test_what_a_linearisation_is_not_asked_is_one_line() -> None:
@@ -301,7 +305,59 @@ def test_a_picture_of_another_time_is_refused() -> None:
     noon, op = np.datetime64("2024-06-21T12:00", "ms"), operator()
     images = [image.to_dataset(name="radiance") for image in op.pictures(op(op.first()))]
     images[1].attrs["light_time"] = "2024-06-21T12:06:00Z"
-    op.observations(images, [1.0, 2.0])
-    replace(op, time=noon + np.timedelta64(2, "m"), sun=None).observations(images, [1.0, 2.0])
+    op.observations(images, [500.0, 600.0])
+    replace(op, time=noon + np.timedelta64(2, "m"), sun=None).observations(images, [500.0, 600.0])
     with pytest.raises(UserError, match=r"image 1 was lit at 2024-06-21T12:06:00.000, its camera here at 2024"):
-        replace(op, time=noon, sun=None).observations(images, [1.0, 2.0])
+        replace(op, time=noon, sun=None).observations(images, [500.0, 600.0])
+
+
+def test_pictures_are_taken_by_their_dimensions_units_and_masks() -> None:
+    op = operator()
+    images, watts = op.pictures(op(op.first())), [500.0, 600.0]
+    want = op.observations(images, watts)
+    turned = [image.transpose("wavelength", "x", "y") for image in images]  # of the first y and x are as many
+    milli = [(1e3 * image).assign_attrs(units="mW m-2 sr-1 nm-1").to_dataset(name="radiance") for image in images]
+    micro = [image.assign_coords(wavelength=("wavelength", [0.55, 0.65], {"units": "um"})) for image in images]
+    for given in (turned, milli, micro):
+        assert op.observations(given, watts).identical(want) or np.allclose(
+            op.observations(given, watts).value, want.value
+        )
+    with pytest.raises(UserError, match="image 0: radiance is in 'K'"):
+        op.observations([image.assign_attrs(units="K") for image in images], watts)
+    hidden = np.zeros((9, 9, 2), bool)
+    hidden[4, 5] = True
+    masked = [np.ma.array(images[0].values, mask=hidden), images[1]]
+    found = op.observations(masked, np.ma.array(watts, mask=[False, True]))
+    assert int(want.use.sum() - found.use.sum()) == 3  # two channels of a pixel, and a pyranometer
+
+
+def test_pictures_of_other_cameras_and_suns_are_refused() -> None:
+    """Of what a picture says; each was taken for that of the camera in its place."""
+    op = operator()
+    images = [image.to_dataset(name="radiance") for image in op.pictures(op(op.first()))]
+    here = [{"x_m": one.x_m, "y_m": one.y_m, "sun_azimuth_deg": SUN[0], "sun_altitude_deg": SUN[1]} for one in CAMERAS]
+    pixels = [one.pixels() for one in CAMERAS]
+    looks = [
+        {"azimuth": (("y", "x"), each.azimuth_deg), "altitude": (("y", "x"), each.altitude_deg)} for each in pixels
+    ]
+    told = [
+        image.assign_coords(look).assign_attrs(place) for image, look, place in zip(images, looks, here, strict=True)
+    ]
+    op.observations(told, [500.0, 600.0])
+    for changed, match in (
+        (told[0].assign_attrs(here[1]), "image 0 is of a camera that stands or looks elsewhere than camera 0"),
+        (told[0].isel(y=slice(None, None, -1)), "looks elsewhere"),
+        (
+            told[0].assign_attrs(sun_altitude_deg=20.0),
+            "image 0 has the sun at azimuth 140.0, altitude 20.0, its camera",
+        ),
+    ):
+        with pytest.raises(UserError, match=match):
+            op.observations([changed, told[1]], [500.0, 600.0])
+
+
+def test_observations_in_another_order_are_refused() -> None:
+    op = operator()
+    observed = op.observations(op.pictures(op(op.first())), [500.0, 600.0])
+    with pytest.raises(UserError, match="instrument is not that of this operator's rows"):
+        check_observed(op, observed.isel(observation=slice(None, None, -1)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import xarray as xr
 
 from openswim.cli.main import run
 from openswim.errors import UserError
-from openswim.stations.checks import check_clock, sun_of
+from openswim.stations.checks import check_clock, sun_of, told_of_means
 
 
 def station(step_min: int = 5, cloudy: bool = False, hours: tuple[int, int] = (0, 24)) -> xr.Dataset:
@@ -54,8 +55,17 @@ def test_light_by_night_is_told_where_no_beam_tells(names: list[str]) -> None:
 def test_hours_that_are_labelled_by_their_ends_are_taken() -> None:
     minutes = station(step_min=1)
     hours = minutes.resample(time="1h").mean().assign_attrs(minutes.attrs)
-    for label_min in (0, 30, 60):
-        check_clock(hours.assign_coords(time=hours.time + np.timedelta64(label_min, "m")))
+    assert told_of_means(minutes) == ""
+    for label_min, told in ((0, "60 minutes after .* by [+]30"), (30, "^$"), (60, "60 minutes before .* by -30")):
+        labelled = hours.assign_coords(time=hours.time + np.timedelta64(label_min, "m"))
+        check_clock(labelled)
+        assert re.search(told, told_of_means(labelled))
+
+
+def test_light_that_fits_the_sun_to_the_last_bit_is_taken() -> None:
+    exact = station()
+    exact["ghi"] = exact.dhi + exact.dni * np.sin(np.radians(sun_of(exact).refracted_altitude_deg))
+    check_clock(exact)
 
 
 def test_the_command_refuses_before_it_compares(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

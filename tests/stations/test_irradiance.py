@@ -170,6 +170,27 @@ def test_several_places_share_a_solve():
     np.testing.assert_allclose(found.ghi[:, 1], alone.ghi, rtol=1e-6)
 
 
+def _flat(place: tuple[float, float] | None) -> Scene:
+    water = np.zeros((4, 5, 5))
+    water[1] = 1e-3
+    axes = 500.0 * np.arange(5), 500.0 * np.arange(5), 500.0 * np.arange(4)
+    air = Atmosphere.us_standard()
+    return Scene.from_arrays(water, *axes, place=place, atmosphere=air, surface_albedo=0.2)
+
+
+def test_all_light_of_a_flat_scene_is_of_the_sun_that_is_asked_for():
+    """Beam and diffuse light of two suns made 376 W/m2 of 662; a scene without a place was refused."""
+    given = {"lat": LAT, "lon": LON, "times": "2016-06-23T11:40", "solver": "swim", "wavelengths_nm": RGB}
+    here = openswim.irradiance(_flat((LAT, LON)), **given)
+    for place in (None, (-60.0, LON)):
+        other = openswim.irradiance(_flat(place), **given)
+        for name in ("ghi", "dni", "dhi", "spectral_dhi"):
+            np.testing.assert_allclose(other[name], here[name], rtol=1e-6)
+    for wrong, message in (([LAT, 50.0], "one place in a flat scene"), ([95.0], "no place on Earth")):
+        with pytest.raises(UserError, match=message):
+            openswim.irradiance(_flat(None), **given | {"lat": wrong, "lon": [LON] * len(wrong)})
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -125,6 +125,11 @@ def test_differences_and_their_plot(made, tmp_path):
     assert found["dni"].rmse == 0
     plot(light, off, tmp_path / "day.png")
     assert (tmp_path / "day.png").stat().st_size > 10_000
+    for other in (station.isel(time=slice(None, None, -1)), station.isel(time=slice(1, None))):
+        with pytest.raises(UserError, match=r"different times .*: compare station.sel\(time=model.time\)"):
+            differences(light, other, np.ones(light.time.size, bool))
+    with pytest.raises(UserError, match="rows must be True or False for each"):
+        differences(light, station, np.arange(3))
 
 
 @pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "utc,ghi\nnoon,3\n", "\x00\x01"])

@@ -41,12 +41,31 @@ def test_tables_of_other_programs_say_the_same(tmp_path: Path, text: str) -> Non
     ("utc,ghi,rh\n2020-06-01T12:00,700,.5\n2020-06-01T13:00,700,\n", "no more than 0.5 % in the column 'rh'"),
     ("utc,ghi\n2020-06-01 12.30,700\n", "time '2020-06-01 12.30' is not understood"),
     ("utc,ghi\n20200601120,700\n", "time '20200601120' is not understood"),
+    ("utc,GHI_pyr,GHI_cs\n2020-06-01T12:00,400,900\n", "'GHI_pyr', 'GHI_cs' are no instruments of one ghi: .* 38 %"),
     ("year,doy,zone,Global PSP [W/m^2]\n2020,153,1200,700\n", "no column of times that its zone names"),
     ("DATE (MM/DD/YYYY),MST,Global PSP [W/m^2]\n06/01/2020,12:00 PM,700\n", "'12:00 PM' in its column MST is no time"),
 ])  # fmt: skip
 def test_what_may_mean_two_things_is_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(UserError, match=rf"x\.csv: .*{message}"):
         _read(tmp_path / "x.csv", text)
+
+
+def test_the_file_is_named_where_it_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder is "." here, which stands in many a message."""
+    monkeypatch.chdir(tmp_path)
+    Path("x.csv").write_text("utc,ghi\n01.06.2020 12:00,700\n")
+    with pytest.raises(UserError, match=r"^x\.csv: time '01\.06\.2020 12:00' is not understood"):
+        read_station("x.csv", 47.0, 8.0)
+
+
+def test_units_as_people_write_them(tmp_path: Path) -> None:
+    for unit in ("W m⁻²", "W·m−2", "Watts/m²", "watt m**-2"):  # noqa: RUF001
+        found = _read(tmp_path / "x.csv", f"utc,ghi [{unit}],dhi ({unit})\n2020-06-01T12:00,700,90\n")
+        assert (float(found.ghi[0]), float(found.dhi[0])) == (700.0, 90.0)
+        assert "note" not in found.attrs
+    found = _read(tmp_path / "x.csv", "utc,ghi (kW m⁻²),dhi [BTU],dni [MJ/m2]\n2020-06-01T12:00,.7,90,3\n")
+    assert float(found.ghi[0]) == 700.0
+    assert found.attrs["note"].startswith("left out for a unit that is not understood: 'dhi [BTU]'; write W/m2")
 
 
 def test_direct_and_diffuse_light_are_enough(tmp_path: Path) -> None:

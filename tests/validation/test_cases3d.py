@@ -8,8 +8,9 @@ import pytest
 import xarray as xr
 from tests.validation.fakes import FakeSolver
 
+from openswim.errors import UserError
 from openswim.scene.phase import HenyeyGreenstein
-from openswim.validation.cases3d import _FINE_CELLS, case_scene, compare, matches
+from openswim.validation.cases3d import _FINE_CELLS, _LENGTHS, case_scene, compare, in_kilometres, matches
 from openswim.validation.reference import Reference
 from openswim.validation.reference.phases import PhaseTables
 
@@ -68,6 +69,23 @@ def test_a_perfect_solver_scores_perfectly(tmp_path: Path) -> None:
         assert row.n == 6  # 3 x 2 blocks
         assert row.relative_rmse < 1e-6
         assert row.correlation == pytest.approx(1.0)
+
+
+def test_lengths_and_extinction_may_be_in_metres(tmp_path: Path) -> None:
+    """They were taken for kilometres, whatever the file said."""
+    plain, solver = _case(tmp_path, _image()), FakeSolver(_plane)
+    data = plain.data
+    for name, factor, units in (*((name, 1e3, "m") for name in _LENGTHS), ("extinction", 1e-3, "1/m")):
+        data = data.assign({name: (factor * data[name]).assign_attrs(units=units)})
+    metres = Reference(plain.path, data)
+    for row in compare(metres, solver, PhaseTables([])):
+        assert row.relative_rmse < 1e-6
+    there, here = case_scene(plain, 0.0), case_scene(in_kilometres(metres), 0.0)
+    np.testing.assert_allclose(here.data["extinction_cloud"], there.data["extinction_cloud"], rtol=1e-6)
+    for name, units in (("x", "feet"), ("radiance", "W m-2 sr-1")):
+        wrong = data.assign({name: data[name].assign_attrs(units=units)})
+        with pytest.raises(UserError, match=f"any_name.nc: {name} is in '{units}': give"):
+            in_kilometres(Reference(plain.path, wrong))
 
 
 def test_the_scene_is_the_file_in_metres(tmp_path: Path) -> None:

@@ -13,20 +13,19 @@ import xarray as xr
 
 from openswim.arguments import check_keys, check_kind, number, shown
 from openswim.assimilation.background import Background
+from openswim.assimilation.observing.images import in_units
 from openswim.assimilation.settings import Settings
 from openswim.cameras import Camera
 from openswim.cameras.files import load_camera
 from openswim.cameras.toml_text import read_toml
 from openswim.errors import UserError
 from openswim.readers.common.opening import opened, reading
-from openswim.scene.labels.units import conversion
 from openswim.scene.times import parse_time
 from openswim.system.inputs import check_ordinary, check_within
 
 VERSION = 1
 MOST_INSTRUMENTS = 1000
 _LARGEST_IMAGE = 4_000_000  # numbers: a camera of 1000 x 1000 pixels in four channels
-_UNITS = {"radiance": "W m-2 sr-1 nm-1", "wavelength": "nm"}
 _TABLES: dict[str, tuple[str, ...]] = {
     "observe": ("wavelengths_nm", "controls", "quantity", "heights_m", "near_sun_deg", "lowest_deg", "floor_per_km",
                 "tolerance", "lean", "wind"),
@@ -192,15 +191,4 @@ def _image(path: Path) -> xr.Dataset:
             raise UserError(f"{path}: is larger than pictures of an analysis can be; average its pixels first")
         if any(file[name].dtype.kind not in "fiu" for name in ("radiance", "wavelength")):
             raise UserError(f"{path}: its radiance or wavelength are no numbers")
-        return _in_units(file[["radiance"]].load(), path)
-
-
-def _in_units(image: xr.Dataset, path: Path) -> xr.Dataset:
-    for name, wanted in _UNITS.items():
-        units = str(image[name].attrs.get("units", wanted))
-        found = conversion(units, wanted)
-        if found is None:
-            raise UserError(f"{path}: {name} is in {shown(units)}: give it in {wanted}")
-        if found[0] != 1.0:
-            image = image.assign({name: image[name] * found[0]})
-    return image
+        return in_units(file[["radiance"]].load(), str(path))

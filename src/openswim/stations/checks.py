@@ -6,6 +6,8 @@ sun's distance, mu0 the cosine of its zenith angle (0 at night).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -26,7 +28,8 @@ RARE = {
 }
 _DIM_W_M2 = 50.0  # below it parts are not compared
 _BEAM_W_M2, _MOST_BEAMS, _FEWEST_BEAMS = 200.0, 60, 12  # values of direct light that tell where the sun is
-_MINUTES = np.arange(-720, 721, 10)  # that a clock may be off
+_MINUTES_STEP = 10
+_MINUTES = np.arange(-720, 721, _MINUTES_STEP)  # that a clock may be off
 _TOLD_MINUTES = 30  # less is within what instruments disagree by
 _TIMES_BETTER, _FAR, _NEAR = 3.0, 0.05, 0.03  # than with the clock as it is; and share of global light
 _NIGHT_W_M2, _NIGHT_DEG, _DEG_PER_HOUR = 30.0, -4.0, 15.0
@@ -91,26 +94,61 @@ def check_clock(station: xr.Dataset) -> None:
 
     Global less diffuse light over direct light is the sine of the sun's altitude, whatever the sky; and there is little
     light while the sun is well down."""
-    if not {"ghi", "dni", "dhi"} <= set(station) or not _tell_by_beam(station):
+    if not _tell_by_beam(station):
         _tell_by_night(station)
 
 
-def _tell_by_beam(station: xr.Dataset) -> bool:
-    """Whether direct light tells that the clock is right; raises UserError where it tells that it is not."""
+def told_of_means(station: xr.Dataset) -> str:
+    """What is to be told of values that stand for the time before or after theirs, as their light says; a model's are
+    of the moment."""
+    found, apart = _sun_by_beam(station), minutes_apart(station.time.values)
+    if found is None or apart < _TOLD_MINUTES or not found.elsewhere:
+        return ""
+    if not abs(abs(found.minutes) - apart / 2) <= _MINUTES_STEP:
+        return ""
+    side = "before" if found.minutes < 0 else "after"
+    return (f"values seem to be means over the {apart:g} minutes {side} their times, and a model's are of the moment: "
+            f"move the times by {found.minutes:+d} minutes to the middle")  # fmt: skip
+
+
+class _SunByBeam(NamedTuple):
+    """By how many minutes the sun of the light is off; by what share of global light its parts disagree there, and with
+    the sun of the times."""
+
+    minutes: int
+    least: float
+    as_it_is: float
+
+    @property
+    def elsewhere(self) -> bool:
+        return self.least <= _NEAR and self.as_it_is > _TIMES_BETTER * self.least
+
+
+def _sun_by_beam(station: xr.Dataset) -> _SunByBeam | None:
+    """Global less diffuse light over direct light is the sine of the sun's altitude; None: too little direct light."""
+    if not {"ghi", "dni", "dhi"} <= set(station):
+        return None
     ghi, dni, dhi = (station[name].values for name in ("ghi", "dni", "dhi"))
     rows = np.flatnonzero((dni > _BEAM_W_M2) & np.isfinite(ghi) & np.isfinite(dhi))
     if rows.size < _FEWEST_BEAMS:
-        return False
+        return None
     rows = rows[np.unique(np.linspace(0, rows.size - 1, _MOST_BEAMS).astype(int))]
     times = station.time.values[rows].astype("datetime64[s]") + _MINUTES[:, None].astype("timedelta64[m]")
     altitude = sun_of(station.isel(time=rows), times.ravel()).refracted_altitude_deg.reshape(times.shape)
     beam = dni[rows] * np.maximum(np.sin(np.radians(altitude)), 0.0)
     off = np.median(np.abs(ghi[rows] - dhi[rows] - beam), axis=1) / np.median(ghi[rows])
-    near = np.flatnonzero(off < 1.2 * off.min())  # morning and afternoon may do as well
-    minutes = int(min(_MINUTES[near], key=abs))
-    as_it_is = float(off[_MINUTES == 0][0])
-    if off.min() > _NEAR or as_it_is < max(_TIMES_BETTER * float(off.min()), _FAR):
-        return as_it_is < _FAR
+    near = np.flatnonzero(off <= 1.2 * off.min())  # morning and afternoon may do as well
+    return _SunByBeam(int(min(_MINUTES[near], key=abs)), float(off.min()), float(off[_MINUTES == 0][0]))
+
+
+def _tell_by_beam(station: xr.Dataset) -> bool:
+    """Whether direct light tells that the clock is right; raises UserError where it tells that it is not."""
+    found = _sun_by_beam(station)
+    if found is None:
+        return False
+    minutes = found.minutes
+    if not found.elsewhere or found.as_it_is < _FAR:
+        return found.as_it_is < _FAR
     if abs(minutes) < max(_TOLD_MINUTES, minutes_apart(station.time.values) + 1):  # means of the time before, or after
         return False
     raise UserError(f"global, direct and diffuse light agree with the sun {abs(minutes) / 60:.1f} hours "

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,11 @@ _NO_VALUES = frozenset({  # words of columns about a quantity
     "j", "jcm2", "jm2", "kj", "kjm2", "kw", "kwh", "kwhm2", "kwm2", "mj", "mjm2", "mv", "mw", "mwcm2", "volt", "wh",
     "whm2",
 })  # fmt: skip
+# what instruments of light have beside W/m2, and what is no slip of writing: sums, voltages, illuminance, quanta
+_OTHER_UNITS = re.compile(
+    r"[km]?w-?h(rs?|ours?)?([/m].*)?|[km]?j(oules?)?([/m].*)?|[mu]?v(olts?)?|k?lu?x|.*mol.*|1|-|%"
+)
+_UNLIKE, _BRIGHT_W_M2 = 0.1, 50.0  # instruments of one light are within .03 of their mean, by day
 _THOUSANDS = re.compile(r"\s*-?[1-9]\d{0,2},\d{3}\s*")
 _LACKING = -900.0  # below it values stand for none, in any unit
 _FACTORS = {  # to SI, or of temperature the zero's offset as well; "" where no unit is written
@@ -87,13 +93,43 @@ def columns_of(columns: Mapping[str, Sequence[str]], quantity: str, decimal_comm
             if not _name_and_unit(column)[1] and 0 < np.nanmax(given, initial=0.0) <= 1:  # of which no air is so dry
                 raise UserError(f"no more than {np.nanmax(given):g} % in the column {shown(column)}: is it a share? "
                                 f"Write {column} [1] for its name")  # fmt: skip
-    return np.array([values[column] * factor + zero for column, (factor, zero) in found.items()])
+    out = np.array([values[column] * factor + zero for column, (factor, zero) in found.items()])
+    if quantity in _LIGHT:
+        _check_alike(quantity, list(found), out)
+    return out
+
+
+def _check_alike(quantity: str, columns: Sequence[str], values: F64) -> None:
+    """Raise UserError where columns (n, rows) that would be averaged are not of one light: a clear sky by a model, a
+    tilted instrument, or one that has failed."""
+    with np.errstate(invalid="ignore"):
+        mean = values.mean(axis=0)
+        bright = mean > _BRIGHT_W_M2
+        if len(columns) < 2 or not bright.any():
+            return
+        off = np.median(np.abs(values[:, bright] / mean[bright] - 1), axis=1)
+    if off.max() > _UNLIKE:
+        listed, share = ", ".join(map(shown, columns)), round(100 * off.max())
+        raise UserError(f"the columns {listed} are no instruments of one {quantity}: they differ by {share} % from "
+                        f"their mean; remove what is none, or call the one that counts {quantity}")  # fmt: skip
+
+
+def not_understood(columns: Iterable[str]) -> str:
+    """What is to be told of columns of light in a unit that is not understood, which do not count."""
+    lost = []
+    for column in columns:
+        name, unit = _name_and_unit(column)
+        of_light = any(re.match(_NAMES[quantity], name) for quantity in _LIGHT)
+        counts = of_light and _NO_VALUES.isdisjoint(re.split(r"[^a-z0-9]+", name))
+        if counts and unit not in _FACTORS["light"] and not _OTHER_UNITS.fullmatch(unit):
+            lost.append(shown(column))
+    return f"left out for a unit that is not understood: {', '.join(lost)}; write W/m2 or kW/m2" if lost else ""
 
 
 def _name_and_unit(column: str) -> tuple[str, str]:
     """In small letters; of brackets within, such as those of an instrument, only the last that are square or have a
     division or a power are a unit."""
-    text = column.strip().lower()
+    text = _plain_signs(column.strip().lower())
     found = re.fullmatch(r"(.*?)\s*(?:\[([^]]*)\]|\(([^)]*(?:/|-2)[^)]*)\))", text)
     if found is None:
         return text, ""
@@ -101,7 +137,12 @@ def _name_and_unit(column: str) -> tuple[str, str]:
 
 
 def _plain_unit(text: str) -> str:
-    return re.sub(r"[\s.^*²]|deg|°", lambda part: "2" if part[0] == "²" else "", text)
+    return re.sub(r"watts?", "w", re.sub(r"[\s.·^*]|deg|°", "", _plain_signs(text)))
+
+
+def _plain_signs(text: str) -> str:
+    """m⁻² as m-2."""
+    return unicodedata.normalize("NFKC", text).replace("\N{MINUS SIGN}", "-")
 
 
 def _values(column: str, texts: Sequence[str], decimal_commas: bool) -> F64:

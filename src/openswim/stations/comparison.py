@@ -13,6 +13,7 @@ from openswim.errors import UserError
 from openswim.scene.files import written_whole
 
 NAMES = {"ghi": "global horizontal", "dni": "direct normal", "dhi": "diffuse horizontal"}
+_SAME_TIME = np.timedelta64(1, "s")
 _COLOURS = {"ghi": "#b03030", "dni": "#c07800", "dhi": "#2060b0"}
 
 
@@ -26,7 +27,9 @@ class Difference(NamedTuple):
 
 
 def differences(model: xr.Dataset, station: xr.Dataset, rows: NDArray[np.bool_]) -> dict[str, Difference]:
-    """For each of ghi, dni and dhi that was measured, over `rows` (nt,) of the common times."""
+    """For each of ghi, dni and dhi that was measured, over `rows` (nt,) of the common times; raises UserError where the
+    times of the two are not the same."""
+    _check_times(model, station, rows)
     found = {}
     for name in NAMES:
         if name not in station:
@@ -41,8 +44,19 @@ def differences(model: xr.Dataset, station: xr.Dataset, rows: NDArray[np.bool_])
     return found
 
 
+def _check_times(model: xr.Dataset, station: xr.Dataset, rows: NDArray[np.bool_] | None) -> None:
+    """Raise UserError where values that lie side by side are of different times."""
+    same = model.time.shape == station.time.shape
+    if not (same and (np.abs(model.time.values - station.time.values) < _SAME_TIME).all()):
+        raise UserError(f"model and station have different times ({model.sizes['time']} and {station.sizes['time']}): "
+                        "compare station.sel(time=model.time), or ask for light at the station's times")  # fmt: skip
+    if rows is not None and (np.shape(rows) != model.time.shape or np.asarray(rows).dtype != bool):
+        raise UserError(f"rows must be True or False for each of {model.sizes['time']} times")
+
+
 def plot(model: xr.Dataset, station: xr.Dataset, path: Path, clear: NDArray[np.bool_] | None = None) -> None:
     """Measured (thin) and modelled (thick) irradiance through time, and their difference below (PNG, PDF, SVG)."""
+    _check_times(model, station, clear)
     try:
         from matplotlib.dates import ConciseDateFormatter, date2num
         from matplotlib.figure import Figure

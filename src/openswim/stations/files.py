@@ -20,8 +20,8 @@ from openswim.arguments import number, shown
 from openswim.errors import UserError
 from openswim.scene.times import parse_time
 from openswim.stations.arm import read_arm
-from openswim.stations.checks import sun_of
-from openswim.stations.columns import check_names, columns_of
+from openswim.stations.checks import sun_of, told_of_means
+from openswim.stations.columns import check_names, columns_of, not_understood
 from openswim.stations.text import PLACES, head_of, names_in, rows_of, text_of, told_of_end, told_of_lost
 from openswim.system.inputs import check_ordinary, lines_of
 
@@ -49,6 +49,7 @@ _COLUMNS_OF_SURFRAD, _COLUMNS_OF_SOLRAD = 48, (22, 31)  # of SOLRAD the latter w
 _HIGH_SUN_DEG, _DIMMEST_W_M2 = 30.0, 5.0  # the darkest clouds leave more; an hour has up to 4.3 MJ/m2
 _FEW = 200  # of the brightest minutes, which tell as much as all
 _SAME_ZENITH_DEG = 2.0
+_LEFT_OUT = "left_out"  # attribute of what a reader gives: what is to be told of columns that do not count
 
 
 def read_station(
@@ -58,8 +59,8 @@ def read_station(
 
     Returns a Dataset on ``time`` (UTC) of those of ``ghi``, ``dni``, ``dhi``, ``up`` (W m-2), ``temperature`` (K),
     ``relative_humidity`` (1), ``pressure`` (Pa) that it has, NaN where missing, with the attributes ``latitude``,
-    ``longitude``, ``height_m`` and ``network``, and ``note`` where a file may have been cut. lat, lon, height_m: of the
-    station, where the file does not say (MIDC).
+    ``longitude``, ``height_m`` and ``network``, and ``note`` where a file may have been cut, columns do not count or
+    values are means. lat, lon, height_m: of the station, where the file does not say (MIDC).
     """
     path = Path(path)
     kind = kind_of(path)
@@ -71,7 +72,8 @@ def read_station(
     except ImportError as error:
         raise UserError(f"{path}: {kind} files need the package pvlib: pip install 'openswim[stations]'") from error
     except UserError as error:
-        raise UserError(str(error) if str(path.parent) in str(error) else f"{path}: {error}") from None
+        named = str(error).startswith((f"{path}: ", f"{path.with_suffix('.json')}: "))
+        raise UserError(str(error) if named else f"{path}: {error}") from None
     except (ValueError, LookupError, OSError, TypeError, AttributeError, ArithmeticError) as error:
         raise UserError(f"{path}: damaged {kind} file ({error})") from error
     asked = {"latitude": lat, "longitude": lon, "height_m": height_m}
@@ -96,8 +98,10 @@ def read_station(
         raise UserError(f"{path}: rows without a time: mend the file")
     data = _without_doubles(path, data[keep].sortby("time"))
     data = data.assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
-    if kind != "ARM" and "note" not in data.attrs and (told := told_of_end(path)):
-        data.attrs["note"] = told
+    told = [data.attrs.pop("note", "") or ("" if kind == "ARM" else told_of_end(path)), data.attrs.pop(_LEFT_OUT, "")]
+    told.append(told_of_means(data))
+    if any(told):
+        data.attrs["note"] = "; ".join(filter(None, told))
     _check_bright(path, data)
     return data
 
@@ -270,7 +274,7 @@ def _midc(path: Path) -> tuple[xr.Dataset, dict[str, float]]:
     if min(minutes) < 0 or max(minutes) > 1440 or max(minute for _, minute in hours) > 59:
         raise UserError(f"hours and minutes in its column {zone} that no day has: mend the file")
     time = day.astype("datetime64[m]") + np.array(minutes, "timedelta64[m]") - np.timedelta64(_HOURS[zone], "h")
-    return _of_columns(columns, time, separator).assign_attrs({"note": told} if told else {}), _beside(path)
+    return _of_columns(columns, time, separator).assign_attrs({"note": told}), _beside(path)
 
 
 def _whole(column: str, text: str, cell: str = "") -> int:
@@ -318,7 +322,7 @@ def _of_columns(columns: Mapping[str, Any], time: NDArray[np.datetime64], separa
         values = columns_of(columns, name, decimal_commas=separator != ",")
         if values is not None:
             out[name] = ("time", _measured(name, values).mean(axis=0))
-    return out
+    return out.assign_attrs({_LEFT_OUT: not_understood(columns)})
 
 
 def _check_years(first: int, last: int) -> None:

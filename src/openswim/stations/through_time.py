@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,8 +56,8 @@ def irradiance(
 
     scene : a Scene, which then stands for all times; scenes in order of time, or `Series.open(paths)`: between two
         model times the light of both, each under the sun of that moment, is mixed linearly in time.
-    lat, lon : of one place, or of several (n,), degrees. In a flat scene they serve for the sun, and x_m, y_m (default:
-        the middle) for the place.
+    lat, lon : of one place, or of several (n,), degrees. In a flat scene they are one place, which serves for the sun
+        whatever place the scene names, and x_m, y_m (default: the middle) for where in it.
     times : UTC, one or many (nt,).
     planes : tilted planes as pairs (tilt, azimuth that they face) in degrees.
     height_m : of the instruments above the ground.
@@ -89,7 +90,7 @@ def irradiance(
     places: list[Place] = []
     notes: list[str] = []
     for which, weight in series.weights(stamps):
-        here = series.scene(which)
+        here = _under_sun_of(series.scene(which), latitudes, longitudes)
         places = places or _places(here, latitudes, longitudes, stamps, height_m, x_m, y_m)
         total = total or [_Sums.zero(stamps.size, len(tilted), wavelengths.size) for _ in places]
         if even(here):
@@ -175,6 +176,19 @@ def _stamps(times: Any) -> NDArray[np.datetime64]:
     if stamps.ndim != 1 or not stamps.size or np.isnat(stamps).any():
         raise UserError(remedy)
     return stamps
+
+
+def _under_sun_of(scene: Scene, lat: F64, lon: F64) -> Scene:
+    """A flat scene with the place that is asked for in place of its own, so that one sun makes all of its light."""
+    if scene.grid is None or scene.grid.curved:
+        return scene
+    if lat.size > 1:
+        raise UserError("lat and lon are one place in a flat scene: give one of each, and x_m and y_m")
+    if not (abs(lat[0]) <= 90 and abs(lon[0]) <= 360):
+        raise UserError(f"lat = {lat[0]:g}, lon = {lon[0]:g} is no place on Earth: give degrees, in a flat scene too")
+    out = copy(scene)
+    out.data = scene.data.assign_coords(latitude=lat[0], longitude=lon[0])
+    return out
 
 
 def _places(

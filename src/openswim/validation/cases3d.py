@@ -2,13 +2,17 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.cameras import Rays
+from openswim.errors import UserError
 from openswim.scene import Scene
+from openswim.scene.labels.units import conversion
 from openswim.validation.geometry import grid_body, parse_body
 from openswim.validation.reference import Reference, Row, Solver, Stopwatch, with_sigma
 from openswim.validation.reference.metrics import image_agreement, image_score
@@ -17,6 +21,7 @@ from openswim.validation.reference.phases import PhaseTables, phase_of_attribute
 Array = NDArray[np.float64]
 
 WAVELENGTH_NM = 550.0  # the cases are monochromatic and without gas: any will do
+_LENGTHS = ("x", "y", "z", "ray_origin", "pixel_u", "pixel_v")
 _FINE_CELLS = 193  # across a body with sharp edges, for a solver that is to be right to its noise
 
 
@@ -26,6 +31,7 @@ def matches(reference: Reference) -> bool:
 
 def compare(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterator[Row]:
     """A row per surface albedo: the image, on 4x4-pixel means of lit pixels."""
+    reference = in_kilometres(reference)
     data = reference.data
     watch = Stopwatch()
     sun = np.asarray(data.sun_direction.values, np.float64)
@@ -42,6 +48,24 @@ def compare(reference: Reference, solver: Solver, phases: PhaseTables) -> Iterat
             solver.name, f"radiance, albedo {albedo:g}", image_score(image, truth, np.hypot(noise, own)), watch.lap(),
             image_agreement(image, truth, own, noise),
         )  # fmt: skip
+
+
+def in_kilometres(reference: Reference) -> Reference:
+    """With lengths in km and extinction in 1/km, as they are where no units are told; raises UserError."""
+    data, where = reference.data, reference.path.name
+    light = str(data["radiance"].attrs.get("units", ""))
+    if "W" in light:
+        raise UserError(f"{where}: radiance is in {shown(light)}: give 4 pi L / E_TOA, which has no units")
+    for name, metres, factor in (*((name, "m", 1e-3) for name in _LENGTHS), ("extinction", "m-1", 1e3)):
+        units = str(data[name].attrs.get("units", "")) if name in data.variables else ""
+        if not units:
+            continue
+        found = conversion(re.sub("kilomet(er|re)s?", "km", units), metres)
+        if found is None:
+            raise UserError(f"{where}: {name} is in {shown(units)}: give it in {'km' if metres == 'm' else 'km-1'}")
+        if found[0] * factor != 1:
+            data = data.assign({name: found[0] * factor * data[name]})
+    return replace(reference, data=data)
 
 
 def case_scene(reference: Reference, albedo: float, cells: int | None = None) -> Scene:

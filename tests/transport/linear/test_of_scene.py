@@ -129,6 +129,8 @@ def test_the_solver_lights_and_renders_alone(tmp_path):
     [
         ({"views": [Camera.allsky(40.0, 10.0, size=4)]}, r"a view is .*: give Rays, as camera.rays\(scene_frame"),
         ({"views": Camera.allsky(40.0, 10.0, size=4)}, "views is .*: give Rays or a list"),
+        ({"points": (40.0, 10.0)}, r"points have shape \(2,\): give \(n, 2\), latitude and longitude"),
+        ({"points": [(50.0, 10.0)]}, "pyranometer at 50, 10 is outside of the grid"),
         ({"sun_direction": [0, 0, 0]}, r"sun_direction is \[0, 0, 0\]: give a unit vector"),
         ({"sun_direction": [0, 0, 2]}, "give a unit vector"),
         ({"sun_direction": [0, np.nan, 1]}, "give a unit vector"),

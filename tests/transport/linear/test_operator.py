@@ -16,6 +16,7 @@ from openswim.errors import UserError
 from openswim.scene.phase import HenyeyGreenstein
 from openswim.transport.linear import beam_taken, diffuse, sun_depth
 from openswim.transport.linear.diffuse import Change
+from openswim.transport.linear.images import Images
 from openswim.transport.linear.moments import emit, gather
 from openswim.transport.linear.optics import mixed
 from openswim.transport.linear.sun_depth import depths
@@ -275,6 +276,24 @@ def test_fields_of_another_shape_are_refused(linearised):
         core.forward(extinction, np.zeros(3))
 
 
+def test_what_is_no_number_or_no_residual_is_refused(linearised):
+    """Sweeps went on to their end for it, and gave NaN."""
+    core, extinction, albedo, images, state = linearised
+    broken = extinction.copy()
+    broken[0, 0, 0, 0, 0] = np.nan
+    short = Images([one[:, :-1] for one in images.radiance], images.ghi)
+    for call, match in (
+        (lambda: core.forward(broken, albedo), "extinction has values that are no numbers"),
+        (lambda: core.tangent(state, broken), "extinction has values"),
+        (lambda: core.tangent(state, extinction, np.inf), "albedo has values"),
+        (lambda: core.adjoint(state, images.like(np.nan * images.flat())), "residual has values"),
+        (lambda: core.adjoint(state, images.radiance), "residual is list: give Images"),
+        (lambda: core.adjoint(state, short), "residual of radiance .* give Images of radiance"),
+    ):
+        with pytest.raises(UserError, match=match):
+            call()
+
+
 def test_in_single_precision_the_whole_is_transposed_and_all_but_the_same(linearised):
     """Rounding alone: 1e-5 of dot products is the mark, found are 2e-9, 6e-7 of what is seen, and 2e-7 of gradients."""
     exact, extinction, albedo, images, _ = linearised
@@ -328,7 +347,9 @@ def test_a_state_that_is_asked_for_again_is_begun_from_itself():
 def test_what_is_no_number_leaves_nothing_behind(linearised):
     core, extinction, albedo, images, state = linearised
     with np.errstate(all="ignore"):
-        core.adjoint(core.forward(np.full_like(extinction, np.nan), albedo)[1], images)
+        found, far = core.forward(np.full_like(extinction, 1e300), albedo)  # which overflows on the way
+        core.adjoint(far, images)
+    assert not np.isfinite(found.flat()).all()
     again, other = core.forward(extinction, albedo)
     assert (again.flat() == images.flat()).all()
     assert (core.adjoint(other, images)[0] == core.adjoint(state, images)[0]).all()

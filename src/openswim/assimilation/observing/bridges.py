@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,11 @@ class _Latest:
 
 
 def as_jax(operator: Rows) -> Any:
-    """``f(*controls)``: a row of observations, for `jax.grad`, `jax.jit` and what is built on them.
+    """``f(*controls)``: a row of observations, for `jax.grad`, `jax.jit`, `jax.vmap`, `jax.jacrev` and what is built on
+    them.
 
-    Needs 64-bit numbers (`jax.config.update("jax_enable_x64", True)`); gradients are first order, in reverse mode.
+    Needs 64-bit numbers (`jax.config.update("jax_enable_x64", True)`); gradients are first order, in reverse mode. What
+    is mapped over is done one after the other.
     """
     try:
         import jax
@@ -56,17 +59,18 @@ def as_jax(operator: Rows) -> Any:
         raise UserError('as_jax needs 64-bit numbers: jax.config.update("jax_enable_x64", True) first')
     latest = _Latest(operator)
     out = jax.ShapeDtypeStruct((operator.size,), jnp.float64)
+    call = partial(jax.pure_callback, vmap_method="sequential")
 
     @jax.custom_vjp
     def observe(*arrays: Any) -> Any:
-        return jax.pure_callback(lambda *a: latest.at([np.asarray(x) for x in a]).value.values, out, *arrays)
+        return call(lambda *a: latest.at([np.asarray(x) for x in a]).value.values, out, *arrays)
 
     def forward(*arrays: Any) -> Any:
         return observe(*arrays), arrays
 
     def backward(arrays: Any, bar: Any) -> Any:
         shapes = tuple(jax.ShapeDtypeStruct(a.shape, jnp.float64) for a in arrays)
-        bars = jax.pure_callback(lambda b, *a: tuple(latest.back([np.asarray(x) for x in a], b)), shapes, bar, *arrays)
+        bars = call(lambda b, *a: tuple(latest.back([np.asarray(x) for x in a], b)), shapes, bar, *arrays)
         return tuple(one.astype(a.dtype) for one, a in zip(bars, arrays, strict=True))
 
     observe.defvjp(forward, backward)

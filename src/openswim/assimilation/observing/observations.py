@@ -10,15 +10,15 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.arguments import check_kind, number, numbers
+from openswim.assimilation.observing.images import check_image, plain, radiance_of
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
-from openswim.scene.times import parse_time
 
 F64 = NDArray[np.float64]
 
 _LEAST_W_M2 = -20.0  # that pyranometers show by night, as they cool
 _MOST_W_M2 = 2500.0  # more than clouds' edges ever add to the sun
-_LATEST = np.timedelta64(5, "m")  # by which a picture's time may differ: the sun moves a degree
+_DIMMEST_W_M2, _HIGH_SUN_DEG = 5.0, 30.0  # the darkest clouds let more through of a sun above it
 NOISE, NOISE_OF_IRRADIANCE = 0.02, 0.03
 
 
@@ -34,7 +34,9 @@ def observations(
 ) -> xr.Dataset:
     """A row of ``value``, ``error`` (standard deviation) and ``use`` on ``observation``.
 
-    images : one of each camera: what `render` makes, or an array (y, x, wavelength) of radiance, W m-2 sr-1 nm-1.
+    images : one of each camera: what `render` makes, or an array (y, x, wavelength) of radiance, W m-2 sr-1 nm-1. Those
+        with units are converted, and those that tell camera, sun and time must be of these. Where an array is masked,
+        or NaN, nothing was seen.
     noise : of a camera's radiance L, as a share of the root mean square of L and the picture's mean: errors that are a
         share of L alone would let dark pixels rule, absolute ones the bright ones.
     representation : what a model's grid cannot show (`representation_error`), a share like the noise, of all or of each
@@ -44,7 +46,7 @@ def observations(
     if len(images) != len(rows.instruments):
         raise UserError(f"observations: {len(images)} images for {len(rows.instruments)} cameras")
     for n, (image, time) in enumerate(zip(images, _times(rows), strict=True)):
-        _check_time(image, time, n)
+        check_image(image, rows, n, time)
     each_share = numbers("observations: representation", representation)
     shares = np.broadcast_to(each_share, len(images)) if each_share.ndim == 0 else each_share
     of_noise, saturates = _share("noise", noise), None if saturated is None else number("saturated", saturated)
@@ -53,13 +55,15 @@ def observations(
         raise UserError(f"observations: representation and use must be given for each of {len(images)} cameras")
     value, error, usable = np.empty(rows.size), np.empty(rows.size), np.zeros(rows.size, bool)
     for n, (part, each) in enumerate(zip(rows.parts, rows.instruments, strict=False)):
-        radiance = _radiance(images[n], rows, n)[:, each.inside]  # (w, n)
+        radiance = radiance_of(images[n], rows, n)[:, each.inside]  # (w, n)
         light = each.quantity.relative(radiance)
         good = each.usable & np.isfinite(light).all(axis=0)
         if saturates is not None:
             good &= (radiance < saturates).all(axis=0)
         mask = masks[n]
         if mask is not None:
+            if np.shape(mask) != each.inside.shape:
+                raise UserError(f"observations: use of camera {n} is {np.shape(mask)}; give {each.inside.shape}")
             good &= np.asarray(mask, bool)[each.inside]
         if not good.any():
             raise UserError(f"observations: no pixel of camera {n} may be used")
@@ -89,6 +93,11 @@ def check_observed(rows: Rows, observed: xr.Dataset) -> None:
     for name in ("value", "error", "use"):
         if name not in observed or observed[name].shape != (rows.size,):
             raise UserError(f"observed: {name} is missing or not a row of {rows.size} observations")
+    ours = rows.row(np.zeros(rows.size))
+    for name in map(str, ours.coords):
+        if name in observed.coords and not np.array_equal(observed[name].values, ours[name].values, equal_nan=True):
+            raise UserError(f"observed: its {name} is not that of this operator's rows: give what its own "
+                            "observations(...) made, in that order")  # fmt: skip
     use = observed["use"].values.astype(bool)
     good = np.isfinite(observed["value"].values) & (observed["error"].values > 0)
     if not use.any() or not good[use].all():
@@ -98,7 +107,7 @@ def check_observed(rows: Rows, observed: xr.Dataset) -> None:
 def _add_irradiance(
     rows: Rows, given: ArrayLike | None, noise: float, value: F64, error: F64, use: NDArray[np.bool_]
 ) -> None:
-    measured = np.full(len(rows.points), np.nan) if given is None else np.asarray(given, float)
+    measured = np.full(len(rows.points), np.nan) if given is None else plain(given)
     if measured.shape != (len(rows.points),):
         raise UserError(f"observations: {measured.size} values of irradiance for {len(rows.points)} pyranometers")
     here, known = rows.parts[-1].here, np.isfinite(measured)
@@ -108,6 +117,10 @@ def _add_irradiance(
         raise UserError(
             f"observations: irradiance in W m-2 lies within {_LEAST_W_M2:g} to {_MOST_W_M2:g}: leave out others"
         )
+    high = min(one.daylight.direction[2] for one in rows.of_times) > np.sin(np.radians(_HIGH_SUN_DEG))
+    if known.any() and high and measured[known].max() < _DIMMEST_W_M2:
+        raise UserError(f"observations: irradiance is {measured[known].max():.3g} W m-2 at most, less than the darkest "
+                        "clouds let through: is it in kW m-2?")  # fmt: skip
     share = _share("irradiance_noise", noise)
     if known.any() and share == 0:
         raise UserError("observations: irradiance_noise is 0, and an analysis weighs by errors: give .03, for instance")
@@ -121,38 +134,8 @@ def _times(rows: Rows) -> list[np.datetime64 | None]:
     return [one.time if one.sun is None else None for one in rows.of_times for _ in one.instruments]
 
 
-def _check_time(image: Any, time: np.datetime64 | None, n: int) -> None:
-    """Raise UserError where a picture says of itself that it was lit at another time."""
-    told = image.attrs.get("light_time") if isinstance(image, xr.Dataset) else None
-    seen = None if told is None else parse_time(str(told))
-    if seen is not None and time is not None and abs(seen - time) > _LATEST:
-        raise UserError(
-            f"observations: image {n} was lit at {seen}, its camera here at {time}: give that time to observe, or to "
-            "the file or its [[camera]]"
-        )
-
-
 def _share(what: str, value: Any) -> float:
     """A share of a signal that is its error."""
     if not 0 <= number(f"observations: {what}", value) < np.inf:
         raise UserError(f"observations: {what} = {value:g}: give a share of 0 or more, such as .02")
     return float(value)
-
-
-def _radiance(image: Any, rows: Rows, n: int) -> F64:
-    """(w, ny, nx) at the operator's wavelengths."""
-    shape = rows.instruments[n].camera.shape
-    if isinstance(image, xr.Dataset):
-        if "radiance" not in image or set(image["radiance"].dims) != {"y", "x", "wavelength"}:
-            raise UserError(f"observations: image {n} has no radiance (y, x, wavelength)")
-        at = np.asarray(image["wavelength"].values, float)
-        nearest = np.abs(at[:, None] - rows.wavelengths_nm).argmin(axis=0)
-        if not np.abs(at[nearest] - rows.wavelengths_nm).max() <= 1.0:  # NaN is far, too
-            raise UserError(f"observations: image {n} is at {at.tolist()} nm, not at {rows.wavelengths_nm.tolist()}")
-        values = image["radiance"].transpose("y", "x", "wavelength").values[..., nearest]
-    else:
-        values = np.asarray(image, float)
-        values = values[..., None] if values.ndim == 2 else values
-    if values.shape != (*shape, rows.wavelengths_nm.size):
-        raise UserError(f"observations: image {n} is {values.shape}; give {(*shape, rows.wavelengths_nm.size)}")
-    return np.moveaxis(np.asarray(values, float), -1, 0)

@@ -85,6 +85,8 @@ def observe(
     """
     wavelengths = np.atleast_1d(numbers("observe: wavelengths_nm", wavelengths_nm)).astype(float)
     check_wavelengths(wavelengths)
+    if np.unique(wavelengths).size < wavelengths.size:
+        raise UserError(f"observe: wavelengths_nm = {shown(wavelengths_nm)}: give each once, or its light counts twice")
     scene = settled(scene)
     if scene.grid is None:
         raise UserError("observe: the scene has no grid, so that no cloud of it can change")

@@ -137,7 +137,7 @@ def core_of(
     share = np.zeros((count, terms.wavelengths_nm.size))
     share[np.arange(count), terms.which] = terms.weight
     eyes = [_view(world, packs, rays, options.step) for rays in views]
-    at = None if points is None else np.stack(medium.indices(_places(medium, points))[::-1], axis=-1)
+    at = None if points is None else _on_the_ground(medium, points)
     core = SceneCore(
         world, kinds, eyes, at, terms.wavelengths_nm, share, tolerance or TOLERANCE, memory, element=element
     )  # fmt: skip
@@ -215,9 +215,20 @@ def _view(world: World, packs: Sequence[_Pack], rays: Rays, step: float) -> View
     return view_of(world, rays, ways, front, dim, back)
 
 
-def _places(medium: Medium, points: ArrayLike) -> F64:
-    """Places (n, 3) at sea level of latitudes and longitudes, in flat scenes of y and x."""
-    given = np.asarray(points, float).reshape(-1, 2)
+def _on_the_ground(medium: Medium, points: ArrayLike) -> F64:
+    """Rows and columns (n, 2) of latitudes and longitudes, in flat scenes of y and x; raises UserError outside."""
+    given = np.asarray(points, float)
+    if given.size and (given.ndim != 2 or given.shape[1] != 2):
+        kinds = "latitude and longitude" if medium.frame.curved else "y and x"
+        raise UserError(f"points have shape {given.shape}: give (n, 2), {kinds} of each pyranometer")
+    given = given.reshape(-1, 2)
     if medium.frame.curved:
-        return medium.frame.position(given[:, 0], given[:, 1], 0.0)
-    return np.stack([given[:, 1], given[:, 0], 0 * given[:, 0]], axis=-1)
+        places = medium.frame.position(given[:, 0], given[:, 1], 0.0)
+    else:
+        places = np.stack([given[:, 1], given[:, 0], 0 * given[:, 0]], axis=-1)
+    at = np.stack(medium.indices(places)[::-1], axis=-1)
+    inside = ((at >= -0.5) & (at <= np.array(medium.shape[1:]) - 0.5)).all(axis=1)
+    if not inside.all():
+        north, east = given[~inside][0]
+        raise UserError(f"points: the pyranometer at {north:g}, {east:g} is outside of the grid")
+    return at

@@ -251,6 +251,7 @@ class LinearCore:
     # -- adjoint ---------------------------------------------------------------------------------------------------
     def adjoint(self, state: State, residual: Images, tolerance: float | None = None) -> tuple[F64, F64]:
         """J^T r: bars of extinction (w, k, nz, ny, nx) and albedo (w, ny, nx) from bars of the images."""
+        residual = self._residual(residual)
         count = len(self.wavelengths_nm)
         extinction_bar = np.zeros((count, len(self.names), self.world.nodes))
         albedo_bar = np.zeros((count, self.world.columns))
@@ -395,14 +396,36 @@ class LinearCore:
             raise UserError(
                 f"extinction of {np.shape(given)}: give one of {wanted} (wavelength, kind, level, row, column)"
             )
-        return np.array(given, float, order="C").reshape(*wanted[:2], -1)  # a copy: states keep it
+        copied = np.array(given, float, order="C").reshape(*wanted[:2], -1)  # states keep it
+        return _finite("extinction", copied)
 
     def _albedo(self, given: F64 | float) -> F64:
         wanted = (len(self.wavelengths_nm), *self.shape[1:])
         try:
-            return np.array(np.broadcast_to(np.asarray(given, float), wanted), order="C").reshape(wanted[0], -1)
+            found = np.array(np.broadcast_to(np.asarray(given, float), wanted), order="C").reshape(wanted[0], -1)
         except ValueError:
             raise UserError(f"albedo of {np.shape(given)}: give one of {wanted} (wavelength, row, column)") from None
+        return _finite("albedo", found)
+
+    def _residual(self, given: Images) -> Images:
+        """In float64; raises UserError unless it has the form of what this core sees."""
+        count = len(self.wavelengths_nm)
+        wanted = [(count, len(view)) for view in self.views], (count, len(self._columns))
+        remedy = f"give Images of radiance {wanted[0]} and ghi {wanted[1]}, as `forward` does"
+        if not isinstance(given, Images):
+            raise UserError(f"residual is {type(given).__name__}: {remedy}")
+        if ([np.shape(one) for one in given.radiance], np.shape(given.ghi)) != wanted:
+            raise UserError(f"residual of radiance {[np.shape(one) for one in given.radiance]} and ghi "
+                            f"{np.shape(given.ghi)}: {remedy}")  # fmt: skip
+        _finite("residual", given.flat())
+        return Images([np.asarray(one, float) for one in given.radiance], np.asarray(given.ghi, float))
+
+
+def _finite(what: str, values: F64) -> F64:
+    """Raise UserError where there are no numbers: sweeps would look for their light in vain."""
+    if not np.isfinite(values).all():
+        raise UserError(f"{what} has values that are no numbers")
+    return values
 
 
 def _corners(points: F64, world: World) -> tuple[NDArray[np.int64], F64]:
