@@ -172,6 +172,15 @@ def test_nonsense_is_refused_in_one_line(wrong):
     assert "\n" not in str(caught.value)
 
 
+def test_a_lens_that_draws_nothing_is_refused():
+    """Rather than a picture without a pixel; one that draws in a corner alone, from beside the frame, is a camera."""
+    lens = {"lat": 47, "lon": 11, "size": (12, 16), "lens": "equisolid", "centre": (5.5, 7.5)}
+    for wrong in ({"focal_px": 1e-9}, {"focal_px": 5.0, "fov_deg": 1e-9}):
+        with pytest.raises(UserError, match="draws nothing on any of 16x12 pixels"):
+            Camera.fisheye(**lens | wrong)
+    assert Camera.fisheye(**lens | {"focal_px": 5.0, "centre": (-4.0, -4.0)}).pixels().inside.any()
+
+
 def test_rays_share_an_origin_or_a_direction():
     ring = Rays(np.zeros(3), np.eye(3))
     assert len(ring) == 3

@@ -124,6 +124,13 @@ def test_a_place_given_goes_before_the_files(tmp_path):
     assert load_camera(path, lat=1, lon=2).lat == 1
 
 
+def test_a_file_may_begin_with_the_mark_of_windows_editors(tmp_path):
+    save_camera(Camera.allsky(1.0, 2.0, size=8), tmp_path / "camera.toml")
+    marked = tmp_path / "marked.toml"
+    marked.write_bytes(b"\xef\xbb\xbf" + (tmp_path / "camera.toml").read_bytes())
+    assert load_camera(marked) == load_camera(tmp_path / "camera.toml")
+
+
 def test_pointing_may_be_said_in_two_ways(tmp_path):
     path = tmp_path / "camera.toml"
     path.write_text(GOOD + "azimuth_deg = 200\naltitude_deg = 30\nroll_deg = 5\n")

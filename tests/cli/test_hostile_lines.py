@@ -180,3 +180,41 @@ def test_streams_that_are_full_or_closed_are_no_fault_of_ours(folder: Path, to: 
         assert "fault" not in done.stderr
         assert "Traceback" not in done.stderr
         assert "ignored" not in done.stderr
+
+
+def _options_of(command: click.Command) -> Iterator[tuple[list[str], click.Parameter]]:
+    """All options and arguments of a command and those below it, with the words that call it."""
+    for name, below in getattr(command, "commands", {}).items():
+        for words, parameter in _options_of(below):
+            yield [name, *words], parameter
+    for parameter in command.params:
+        yield [], parameter
+
+
+def test_an_empty_name_of_a_file_is_not_this_folder(capsys):
+    """As `-o "$TARGET"` gives it where the shell knows no TARGET."""
+    named = [(words, each) for words, each in _options_of(cli) if isinstance(each.type, click.Path)]
+    assert len(named) > 40
+    for words, each in named:
+        assert run([*words, *([max(each.opts, key=len)] if isinstance(each, click.Option) else []), ""]) == 2
+        said = capsys.readouterr().err.strip().splitlines()
+        assert len(said) == 1
+        assert "it is empty: give the name of a file or folder" in said[0]
+
+
+EPIC = ["--imager", "dscovr epic", "--band", "680", "--disc", "47", "11", "1500000", "-o", "disc.nc"]
+DISC = ["satellite", "curved.nc", *EPIC]
+
+
+@pytest.mark.parametrize(("line", "told"), [
+    ([*DISC, "--size", "0"], "--size 0: give 1 to 20000"), ([*DISC, "--size", "-1"], "--size -1: give 1 to 20000"),
+    ([*DISC, "--size", "20000", "--time", "2024-06-01T12:00"], "GB are free: give a smaller --size"),
+    ([*DISC], "tell no time, by which the sun is placed: give --time"),
+    (["render", "flat.nc", "--x", "0", "--y", "0", "--sun", "150 40", "-o", "o.png"], "as AZIMUTH,ALTITUDE in degrees"),
+    (["render", "curved.nc", "--lat", "47", "--lon", "11", "--view", "panorama", "--azimuth", "1e300", "-o", "o.png"],
+     "must be finite degrees, up to 1e+06"),
+])  # fmt: skip
+def test_what_is_told_of(folder, monkeypatch, capsys, line, told):
+    monkeypatch.chdir(folder)
+    assert run(line) == 2
+    assert told in capsys.readouterr().err.strip().splitlines()[-1]

@@ -239,3 +239,20 @@ def test_an_imager_is_told_what_was_assumed(
     notes = openswim.open_scene(file, around=(0.0, -75.0)).notes
     assert place in notes
     assert all(f"note: {note}\n" in said for note in notes)
+
+
+def test_a_model_of_one_time_is_asked_at_that_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    """As --help says; under a sun of other hours its clouds are those of that time, which is told."""
+    monkeypatch.setattr(openswim, "irradiance", clear_day)
+    axis, z = np.arange(4) * 1000.0, np.array([0.0, 1000.0, 2000.0])
+    scene = openswim.Scene.from_arrays(np.full((3, 4, 4), 1e-3), axis, axis, z, place=(47.0, 11.0),
+                                       time=np.datetime64("2024-06-01T12:00"))  # fmt: skip
+    scene.to_netcdf(tmp_path / "one.nc")
+    line = ["irradiance", str(tmp_path / "one.nc"), "--lat", "47", "--lon", "11", "-o", str(tmp_path / "light.csv")]
+    assert run(line) == 0
+    assert (tmp_path / "light.csv").read_text().splitlines()[1].startswith("2024-06-01T12:00:00Z,")
+    assert "clouds do not move" not in capsys.readouterr().err
+    assert run([*line, "--start", "2024-06-01T18:00", "--end", "2024-06-01T18:00:01", "--every", "0.5s"]) == 0
+    assert "light of 2024-06-01T18:00:01Z, 6.0 hours after it: clouds do not move" in capsys.readouterr().err
+    rows = (tmp_path / "light.csv").read_text().splitlines()[1:]
+    assert [row.partition(",")[0] for row in rows] == [f"2024-06-01T18:00:0{s}Z" for s in ("0.000", "0.500", "1.000")]

@@ -26,8 +26,8 @@ def test_path_passes_its_points_and_looks_along_great_circles(tmp_path: Path) ->
     np.testing.assert_allclose(place[[0, 2, 4], 1], [179.9, -179.9, -179.7])
     assert 179.9 < abs(place[1, 1]) <= 180.0  # the short way over the date line
     assert (np.diff(place[:, 2]) <= 1e-9).all()  # monotone: never below the last height
-    np.testing.assert_allclose(attitude[:3, 0] % 360, [350, 0, 10], atol=1e-9)
-    np.testing.assert_allclose(attitude[2:, 1], [0, -10, -20], atol=1e-9)
+    np.testing.assert_allclose(attitude[:3, 0] % 360, [350, 0, 10], atol=1e-6)  # north turns by .1 degrees on the way
+    np.testing.assert_allclose(attitude[2:, 1], [0, -10, -20], atol=1e-4)
 
 
 def test_each_angle_of_a_path_counts_by_itself_and_turns_the_short_way(tmp_path: Path) -> None:
@@ -42,6 +42,48 @@ def test_each_angle_of_a_path_counts_by_itself_and_turns_the_short_way(tmp_path:
         for key, value in told.items():
             turned = getattr(camera, f"{key}_deg") - value
             assert (turned + 180) % 360 - 180 == pytest.approx(0, abs=1e-9), (name, key)
+
+
+def _path(place: list[tuple[float, ...]], *attitude: tuple[float, ...]) -> CameraPath:
+    """A path with ten seconds from point to point; angles that are not given are the camera's own."""
+    angles = np.full((len(place), 4), np.nan)
+    for row, values in zip(angles, attitude, strict=False):
+        row[: len(values)] = values
+    return CameraPath(NOON + np.timedelta64(10_000, "ms") * np.arange(len(place)), np.array(place), angles)
+
+
+OVER_THE_POLE = [(88.0, 20.0, 2e4), (90.0, 20.0, 2e4), (88.0, -160.0, 2e4)]
+
+
+@pytest.mark.parametrize("angles", [((0.0, -10.0), (0.0, -10.0), (180.0, -10.0)), ((0.0,), (0.0,), (180.0,)), ()])
+def test_over_the_pole_a_camera_goes_straight_on_and_looks_ahead(angles: tuple[tuple[float, ...], ...]) -> None:
+    """What is north ahead of the pole is south behind it: nothing turns."""
+    times = NOON + np.timedelta64(1000, "ms") * np.arange(0, 21)
+    cameras = _path(OVER_THE_POLE, *angles).camera(Camera.perspective(0.0, 0.0, altitude_deg=-10.0, size=32), times)
+    way = np.array([camera.lat for camera in cameras])
+    assert (np.diff(way[:11]) > 0).all()
+    assert (np.diff(way[10:]) < 0).all()
+    for camera, time in zip(cameras, range(21), strict=True):
+        lon, azimuth = (20.0, 0.0) if time < 10 else (-160.0, 180.0)
+        assert camera.altitude_deg == pytest.approx(-10.0)
+        if time != 10:  # at the pole any longitude is right, and the azimuth goes with it
+            assert camera.lon == pytest.approx(lon)
+            assert (camera.azimuth_deg - azimuth + 180) % 360 == pytest.approx(180.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("altitude", [0.0, -10.0])
+def test_a_camera_that_turns_round_pans(altitude: float) -> None:
+    """The great circle from a line of sight to the opposite one goes by the nadir, or anywhere."""
+    path = _path([(47.0, 11.0, 9.0)] * 2, (20.0, altitude), (200.0, altitude))
+    _, attitude = path.at(NOON + np.timedelta64(1000, "ms") * np.array([0, 5, 10]))
+    np.testing.assert_allclose(attitude[:, 1], altitude, atol=1e-9)
+    assert attitude[1, 0] % 180 == pytest.approx(110.0)
+    np.testing.assert_allclose(attitude[[0, 2], 0], [20, 200], atol=1e-9)
+
+
+def test_points_on_two_sides_of_the_earth_are_refused() -> None:
+    with pytest.raises(UserError, match="other side of the Earth from point 1 to 2"):
+        _path([(10.0, 0.0, 9.0), (-10.0, 180.0, 9.0)])
 
 
 def test_angles_at_some_points_only_are_refused() -> None:
@@ -139,6 +181,20 @@ def test_a_path_says_where_the_camera_is(tmp_path: Path, capsys: pytest.CaptureF
         line = ["film", "none.nc", "--path", str(file), option, "10", "-o", str(tmp_path / "film")]
         assert run(line) == 2
         assert f"--path says where the camera is: leave out {option}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("options", "told"), [
+    (["--path", "p.csv", "--height", "5"], "by its column height_m: leave out --height"),
+    (["--path", "p.csv", "--view", "perspective", "--azimuth", "5"], "by a column azimuth: leave out --azimuth"),
+    (["--lat", "47", "--lon", "11", "--speed", "2"], "--speed is how fast a --path is played"),
+])  # fmt: skip
+def test_what_a_film_would_overlook_is_refused(
+    options: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("p.csv").write_text("time,lat,lon,height_m\n2024-01-01T12:00,47,11,900\n2024-01-01T12:01,47,11.1,900\n")
+    assert run(["film", "none.nc", *options, "-o", "film"]) == 2
+    assert told in capsys.readouterr().err
 
 
 def test_a_log_with_more_columns_is_a_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from openswim.errors import UserError
 from openswim.ground.cities import BAND_NM, city_radiance, lamp_spectrum, sodium_tint
+from openswim.ground.maps import maps_of
 from openswim.ground.streets import lamps_seen
 from openswim.lights.units import magnitude_of_luminance
 from openswim.scene.ground import Ground
@@ -104,3 +106,9 @@ def test_a_users_map_is_asked_at_places_of_any_shape(tmp_path):
     found = city_radiance(47.0 + north, 11.0 + east, ground)
     assert found.shape == (3, 3)
     np.testing.assert_allclose(found[:2], 7.0, rtol=1e-3)
+
+
+def test_a_map_of_lights_that_is_none_is_told_by_day_too():
+    """All maps are opened when a scene is, though lamps are seen by night alone."""
+    with pytest.raises(UserError, match=r"none\.tif: no such file"):
+        maps_of(Ground(lights="none.tif"))

@@ -124,6 +124,18 @@ def test_the_corona_has_a_millionth_of_the_suns_light(size):
     assert got == pytest.approx(beyond, rel=0.017)
 
 
+def test_the_corona_has_no_edge():
+    """Its light falls evenly to nothing, and near the sun by Baumbach's law; dust at 12 radii has 1e-10."""
+    radius = np.linspace(1, FARTHEST, 1000)
+    light = brightness(radius, 0 * radius)
+    assert (np.diff(light) < 0).all()
+    assert light[-1] < 1e-14
+    near = radius < 7
+    assert light[near] == pytest.approx(
+        1e-6 * (2.565 * radius[near] ** -17 + 1.425 * radius[near] ** -7 + 0.0532 * radius[near] ** -2.5)
+    )
+
+
 @pytest.mark.slow
 def test_totality_in_texas():
     """A bluish zenith as dark as in dusk, and red light from outside the shadow all around the horizon; as measured in

@@ -93,6 +93,11 @@ class Camera(RealCameras):
         if self.view in ("allsky", "perspective"):
             check_finest(self.fov_deg, self.shape[1])
         object.__setattr__(self, "horizon_deg", checked_horizon(self.horizon_deg))
+        if self.lens_optics is not None and not self.lens_optics.draws_in(self.shape):
+            raise UserError(
+                f"camera: its lens draws nothing on any of {self.shape[1]}x{self.shape[0]} pixels: mend focal_px, "
+                "centre or fov_deg"
+            )
 
     @classmethod
     @takes

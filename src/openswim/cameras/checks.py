@@ -12,6 +12,7 @@ MAX_HEIGHT_M = 2.0e9
 LOWEST_ABOVE_SEA_M = -500.0
 ABOVE = ("ground", "sea level")
 MAX_SIZE = 20_000
+MOST_TURNED_DEG = 1e6  # logs of yaw may go round and round; of larger numbers nothing is left below a degree
 WIDEST_FOV_DEG = {
     "allsky": 360.0, "panorama": 360.0, "perspective": 175.0, "fisheye": 360.0, "pinhole": 360.0, "map": 360.0,
     "rays": 360.0,
@@ -78,7 +79,8 @@ def check_pointing(azimuth_deg: float, altitude_deg: float, roll_deg: float) -> 
     """Where the camera looks."""
     require(-90 <= altitude_deg <= 90, f"altitude {altitude_deg} is not within -90..90 degrees")
     pointing = [azimuth_deg, roll_deg]
-    require(bool(np.isfinite(pointing).all()), f"camera azimuth and roll {pointing} must be finite degrees")
+    fine = bool((np.abs(pointing) <= MOST_TURNED_DEG).all())
+    require(fine, f"camera azimuth and roll {pointing} must be finite degrees, up to {MOST_TURNED_DEG:g} either way")
 
 
 def check_altitude_range(given: Any) -> tuple[float, float]:

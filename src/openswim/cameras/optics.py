@@ -112,6 +112,12 @@ class Optics:
         solid_angle = self.lens.solid_angle_sr(*self._plane(row, column)) / (c - s * e)
         return Pixels(direction, np.where(np.isnan(direction[..., 0]), np.nan, solid_angle))
 
+    def draws_in(self, shape: tuple[int, int]) -> bool:
+        """Whether light arrives on any pixel of a frame of (rows, columns)."""
+        nearest = [np.clip(round(centre), 0, count - 1) for centre, count in
+                   zip((self.centre_row, self.centre_column), shape, strict=True)]  # fmt: skip
+        return bool(np.isfinite(self.direction(*nearest)).all()) or bool(self.pixels(shape).inside.any())
+
     def _plane(self, row: ArrayLike, column: ArrayLike) -> tuple[F64, F64]:
         """x and y before the lens."""
         down, right = np.asarray(row, float) - self.centre_row, np.asarray(column, float) - self.centre_column

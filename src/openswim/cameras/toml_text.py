@@ -24,7 +24,7 @@ def read_toml(path: Path, what: str = "a camera's TOML file") -> dict[str, Any]:
             raise UserError(f"{path}: is no file: give {what}")
         if status.st_size > _LARGEST_BYTES:
             raise UserError(f"{path}: is larger than {what} can be ({_LARGEST_BYTES // 1000} kB)")
-        text = path.read_text("utf-8")
+        text = path.read_text("utf-8-sig")  # editors of Windows begin a file with a mark
         if any(len(_IN_KEYS.findall(part)) > _MOST_DOTS for part in re.split("[,=\n]", text)):
             raise ValueError("a name with endless dots")  # its time grows by their square
         return tomllib.loads(text)

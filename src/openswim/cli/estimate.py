@@ -257,7 +257,7 @@ def announce(
 
 def _no_room(expected: Estimate) -> str:
     """Why an imager's picture is not begun."""
-    return f"this picture {_takes(expected)}: give one --band at a time, a larger --every, or --solver swim"
+    return f"this picture {_takes(expected)}: give a smaller --size, a larger --every, one --band, or --solver swim"
 
 
 def _takes(expected: Estimate) -> str:

@@ -30,7 +30,7 @@ class FilmRequest:
     start: str | None = None
     end: str | None = None
     frames_per_second: float = 25.0
-    speed: float = 1.0
+    speed: float | None = None
     keogram: Path | None = None
     star_trails: Path | None = None
     irradiance: Path | None = None
@@ -84,6 +84,9 @@ def _run(request: FilmRequest) -> None:
 
     check_output(request.output)
     path = None if request.path is None else CameraPath.read(request.path)
+    if path is None and request.speed is not None:
+        raise UserError("--speed is how fast a --path is played: leave it out, and give --every or --fps")
+    speed = 1.0 if request.speed is None else request.speed
     picture = request.picture
     camera = camera_of(picture if path is None else _at_start(picture, path))
     every = None if request.every is None else interval_s("--every", request.every)
@@ -91,7 +94,7 @@ def _run(request: FilmRequest) -> None:
     weather = Weather.of_files(
         picture.file, around=around, member=picture.member, allow_references=picture.allow_references
     )
-    shots = shots_of(weather, camera, every, path, request.frames_per_second, request.speed, request.start, request.end)
+    shots = shots_of(weather, camera, every, path, request.frames_per_second, speed, request.start, request.end)
     tell_notes(weather.first.notes)
     solver = solver_of(picture)
     count = f"{len(shots)} frame{'s' if len(shots) > 1 else ''}"
@@ -111,7 +114,7 @@ def _run(request: FilmRequest) -> None:
     start = clock.perf_counter()
     film(
         weather, camera, request.output, every_s=every, path=path, frames_per_second=request.frames_per_second,
-        speed=request.speed, exposure=look_of(picture)["exposure"],
+        speed=speed, exposure=look_of(picture)["exposure"],
         keogram=request.keogram, star_trails=request.star_trails, irradiance=request.irradiance,
         title=request.title, solver=solver, from_time=request.start, to_time=request.end,
     )  # fmt: skip
@@ -122,5 +125,9 @@ def _at_start(picture: RenderRequest, path: "CameraPath") -> RenderRequest:
     for option, given in (("lat", picture.lat), ("lon", picture.lon), ("x", picture.x_m), ("y", picture.y_m)):
         if given is not None:
             raise UserError(f"--path says where the camera is: leave out --{option}")
+    if picture.height_m is not None:
+        raise UserError("--path says where the camera is, by its column height_m: leave out --height")
+    if picture.azimuth_deg is not None and picture.view == "perspective":
+        raise UserError("--path says where the camera looks, along its way or by a column azimuth: leave out --azimuth")
     lat, lon, _ = path.place[0]
     return replace(picture, lat=float(lat), lon=float(lon))

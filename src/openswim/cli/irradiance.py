@@ -86,7 +86,10 @@ def _save(model: xr.Dataset, request: IrradianceRequest) -> None:
 
 
 def _alone(request: IrradianceRequest) -> xr.Dataset:
+    import numpy as np
+
     import openswim
+    from openswim.films.whereabouts import told_of_times
     from openswim.scene import Scene
     from openswim.scene.atmosphere import AerosolProfile, Atmosphere
     from openswim.stations import Series
@@ -112,8 +115,10 @@ def _alone(request: IrradianceRequest) -> xr.Dataset:
         times = _times(request, None)
     else:
         scene = Series.open(request.files, around=(lat, lon))
-        times = _times(request, None if scene.times.size == 1 else scene.times)
+        own = scene.times if scene.times.size > 1 else np.array([scene.scene(0).time], "datetime64[ms]")
+        times = _times(request, None if np.isnat(own).any() else own)
         _tell(scene, lat, lon, times, request)
+        tell_notes(filter(None, [told_of_times(own, list(times))]))
     return openswim.irradiance(scene, lat, lon, times, **_options(request))
 
 
@@ -346,7 +351,8 @@ def _write(model: xr.Dataset, path: Path) -> None:
                 columns[f"{name}_{tilt:g}_{azimuth:g}"] = values.isel(plane=plane).values
         else:
             columns[name] = values.values
-    times = np.datetime_as_string(model.time.values, "s")
+    whole = bool((model.time.values == model.time.values.astype("datetime64[s]")).all())
+    times = np.datetime_as_string(model.time.values, "s" if whole else "ms")
     with written_whole(path) as partial, partial.open("w", encoding="utf-8") as file:
         file.write(",".join(["utc", *columns]) + "\n")
         for row, time in enumerate(times):

@@ -14,7 +14,18 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 SOLVERS = ("swim", "fast", "reference")
 QUALITIES = ("preview", "standard", "high")
 VIEWS = ("allsky", "panorama", "sphere", "perspective", "satellite")
-PATH = click.Path(path_type=Path)
+
+
+class _Name(click.Path):
+    """The name of a file or folder; an empty one, as of a shell's variable that is not set, would be this folder."""
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> Any:
+        if value == "":
+            self.fail("it is empty: give the name of a file or folder", parameter, context)
+        return super().convert(value, parameter, context)
+
+
+PATH = _Name(path_type=Path)
 
 
 def stacked(*options: Callable[[Any], Any]) -> Callable[[Command], Command]:

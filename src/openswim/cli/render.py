@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 FULL_DISC_M = 1e8  # from farther away a satellite shows the whole Earth unless told otherwise
 DARK_SUN_DEG = -6.0
+_DARKEST_W_M2 = 1e-9  # a thousandth of what stars give
 LAYERED = (".nc", ".zarr", ".exr")  # files that hold what is seen and how far away it is
 
 
@@ -216,7 +217,10 @@ def sun_of(text: str | None) -> dict[str, Any]:
     if text is None:
         return {}
     if "," not in text:
-        return {"time": parse_time(text)}
+        try:
+            return {"time": parse_time(text)}
+        except UserError as error:
+            raise UserError(f"--sun: {error}, or as AZIMUTH,ALTITUDE in degrees, such as 150,40") from None
     try:
         azimuth, altitude = (float(part) for part in text.split(","))
     except ValueError as error:
@@ -409,8 +413,8 @@ def irradiance_line(image: "xr.Dataset") -> str:
 
 
 def _watts(value: float) -> str:
-    """To a tenth by day, with digits that count by night."""
-    return f"{value:.1f}" if value >= 1 or value <= 0 else f"{value:.2g}"
+    """To a tenth by day, with digits that count by night; darker than any night is 0."""
+    return f"{value:.1f}" if value >= 1 or value < _DARKEST_W_M2 else f"{value:.2g}"
 
 
 def write(image: "xr.Dataset", outputs: tuple[Path, ...], look: dict[str, Any] | None = None) -> None:

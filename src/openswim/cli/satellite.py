@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
+from openswim.cameras.checks import MAX_SIZE
 from openswim.cli.options import tell_notes
 from openswim.errors import UserError
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from openswim.scene import Scene
 
 _HIGH_M = 36e6  # imagers stand so high, or higher
-_DISC_DEG = 0.62  # field of EPIC: the whole disc and a little beside it
+_DISC_DEG, _DISC_PIXELS = 0.62, 512  # field of EPIC: the whole disc and a little beside it; its pixels each way
 
 
 @dataclass(frozen=True)
@@ -69,11 +70,13 @@ def _check_pixels(request: SatelliteRequest) -> None:
     """One way of saying which pixels, and nothing that belongs to another."""
     ways = {"--like": request.like, "--grid": request.grid, "--disc": request.disc}
     if sum(way is not None for way in ways.values()) != 1:
-        raise UserError("which pixels: give --like OBSERVED_FILE, or --grid full (or conus), or --disc LAT LON KM")
+        raise UserError("which pixels: give one of --like OBSERVED_FILE, --grid full (or conus), --disc LAT LON KM")
     for name, value, own in (("--every", request.every, "--grid"), ("--lon-0", request.lon_0, "--grid"),
                              ("--size", request.size, "--disc")):  # fmt: skip
         if value is not None and ways[own] is None:
             raise UserError(f"{name} belongs to {own}")
+    if request.size is not None and not 1 <= request.size <= MAX_SIZE:
+        raise UserError(f"--size {request.size}: give 1 to {MAX_SIZE} rows and columns")
     if request.like is None and not request.outputs:
         raise UserError("--output missing: give -o with the name of a .nc or .tif file")
 
@@ -82,26 +85,32 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
     """A picture with nothing beside it, at the model's time and in its light."""
     import openswim
     from openswim.readers import Neighbourhood
-    from openswim.satellites import FixedGrid, Pixels, named_grid
+    from openswim.satellites import Pixels, named_grid
     from openswim.satellites.files import write
     from openswim.satellites.named_grids import shown_part
     from openswim.satellites.picture import reflectance
     from openswim.scene.times import parse_time
 
     grid: FixedGrid | Pixels
+    size = _DISC_PIXELS if request.size is None else request.size
     if request.disc is not None:
         lat, lon, distance_km = request.disc
-        grid = Pixels.disc(lat, lon, 1000 * distance_km, _DISC_DEG, request.size or 512)
+        Pixels.disc(lat, lon, 1000 * distance_km, _DISC_DEG, 1)  # checks them
     else:
-        grid = whole = named_grid(request.imager, request.grid or "full", request.lon_0)
+        whole = named_grid(request.imager, request.grid or "full", request.lon_0)
         lat, lon = 0.0, whole.lon_0
     scene = openswim.open_scene(request.files, time=parse_time(request.time),
                                 around=Neighbourhood.seen_from(lat, lon, _HIGH_M))  # fmt: skip
-    if isinstance(grid, FixedGrid):
-        grid, every = shown_part(grid, scene.levels[-1].grid, request.every)
+    if scene.time is None:
+        raise UserError("the model's files tell no time, by which the sun is placed: give --time")
+    if request.disc is not None:
+        _announce(scene, (size, size), bands, request.solver)
+        grid = Pixels.disc(lat, lon, 1000 * distance_km, _DISC_DEG, size)
+    else:
+        grid, every = shown_part(whole, scene.levels[-1].grid, request.every)
         some = "" if every == 1 else f", each {every}. of the imager's"
         click.echo(f"{grid.y.size} rows and {grid.x.size} columns{some}", err=True)
-    _announce(scene, grid, bands, request.solver)
+        _announce(scene, grid.shape, bands, request.solver)
     picture = reflectance(scene, grid, bands, solver=request.solver)
     for output in request.outputs:
         click.echo(f"{write(picture, output)}")
@@ -111,13 +120,13 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
     click.echo(f"reflectance factor, {bands[0].name}, {known.size} pixels, 5, 25, 50, 75, 95 %: {told}")
 
 
-def _announce(scene: Scene, grid: FixedGrid | Pixels, bands: list[Band], solver: str) -> None:
+def _announce(scene: Scene, shape: tuple[int, int], bands: list[Band], solver: str) -> None:
     """What was assumed, and what a large picture costs."""
     from openswim.cli.estimate import Pictured, announce
 
     tell_notes(scene.notes)
     wavelengths = sorted({nm for one in bands for nm in one.wavelength_nm})
-    announce(scene, Pictured(grid.shape, _HIGH_M), solver, wavelengths_nm=wavelengths)
+    announce(scene, Pictured(shape, _HIGH_M), solver, wavelengths_nm=wavelengths)
 
 
 def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
@@ -156,7 +165,7 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
     scene = openswim.open_scene(request.files, time=chosen, around=around)
     if request.time is None and start is not None and scene.time is not None:
         tell_when_far(start, scene.time, "picture")
-    _announce(scene, grid, bands, request.solver)
+    _announce(scene, grid.shape, bands, request.solver)
     picture = reflectance(scene, grid, bands, start if request.time is None and start else scene.time,
                           solver=request.solver)  # fmt: skip
     for output in request.outputs:

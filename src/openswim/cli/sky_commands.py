@@ -111,7 +111,7 @@ def info(files: tuple[Path, ...], picture: Path | None, time: str | None, allow_
               help="Of --solver reference: seed of its random numbers.")
 @click.option("--error", "error_percent", type=float, help="Of --solver reference: stop at this mean error, per cent.")
 @click.option(
-    "--checkpoint", type=click.Path(path_type=Path, dir_okay=False),
+    "--checkpoint", type=PATH,
     help="Of --solver reference: file to stop with (Ctrl-C) and to go on from.",
 )  # fmt: skip
 @click.option(
@@ -163,7 +163,7 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @click.option("--from", "start", help="First time, UTC, ISO 8601.  [default: the model's first]")
 @click.option("--to", "end", help="Last time, UTC.  [default: the model's last]")
 @click.option("--fps", "frames_per_second", type=float, default=25.0, show_default=True, help="Frames per second.")
-@click.option("--speed", type=float, default=1.0, show_default=True, help="Of --path: times its own speed.")
+@click.option("--speed", type=float, help="Of --path: times its own speed.  [default: 1]")
 @solver("swim", "fast")
 @click.option("--exposure", default="auto", show_default=True,
               help="As of openswim render; auto is one smooth curve for the film.")  # fmt: skip
@@ -181,7 +181,8 @@ def render(file: tuple[Path, ...], outputs: tuple[Path, ...], **options: Any) ->
 @debug
 def film(
     file: tuple[Path, ...], output: Path, path: Path | None, every: str | None, start: str | None, end: str | None,
-    frames_per_second: float, speed: float, keogram: Path | None, star_trails: Path | None, irradiance: Path | None,
+    frames_per_second: float, speed: float | None, keogram: Path | None, star_trails: Path | None,
+    irradiance: Path | None,
     title: bool, member: str | None, **options: Any,
 ) -> None:  # fmt: skip
     """Make a film of the sky over FILE's times, or along a camera's path.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import check_keys, numbers, shown, takes, written_number
 from openswim.cameras import Camera
+from openswim.cameras.checks import MOST_TURNED_DEG
 from openswim.errors import UserError
 from openswim.progress import tell
 from openswim.scene.frame import horizon_vector
@@ -28,7 +29,7 @@ ATTITUDE = ("azimuth", "altitude", "roll", "fov")
 MOST_POINTS = 100_000
 _DECIMALS = 9  # of degrees and m: a tenth of a millimetre, and tables are free of what arithmetic leaves behind
 _MOST_COLUMNS = 1000
-_MOST_TURNED = 1e6  # degrees: logs of yaw may go round and round
+_FARTHEST = -0.99  # cosine of the angle, as seen from the Earth's centre, up to which two points say which way leads
 MOST_BYTES = 50_000_000
 
 
@@ -70,10 +71,17 @@ class CameraPath:
                 f"a camera's path has places that are none: latitude, longitude in degrees, height in m; point "
                 f"{at + 1} says {shown(self.place[at].tolist())}"
             )
+        apart = (_outward(self.place[1:]) * _outward(self.place[:-1])).sum(-1)
+        if (apart < _FARTHEST).any():
+            at = int(np.argmin(apart))
+            raise UserError(
+                f"a camera's path goes to the other side of the Earth from point {at + 1} to {at + 2}: give points on "
+                "the way between them"
+            )
         for name, values in zip(ATTITUDE, self.attitude.T, strict=True):
             if not np.isfinite(values).all() and not np.isnan(values).all():
                 raise UserError(f"a camera's path has no finite {name} at some points: give it at all or at none")
-            most = 90.0 if name == "altitude" else _MOST_TURNED
+            most = 90.0 if name == "altitude" else MOST_TURNED_DEG
             if (np.abs(values) > most).any():
                 raise UserError(f"a camera's path has {name} beyond {most:g} degrees at some points: mend it")
 
@@ -108,20 +116,22 @@ class CameraPath:
         own = (self.time - self.time[0]).astype("timedelta64[ms]").astype(float)
         asked = (np.asarray(times, "datetime64[ms]") - self.time[0]).astype("timedelta64[ms]").astype(float)
         asked = np.clip(asked, own[0], own[-1])
-        place = self.place.copy()
-        place[:, 1] = np.degrees(np.unwrap(np.radians(place[:, 1])))
-        place = PchipInterpolator(own, place)(asked)
-        place[:, 1] = (place[:, 1] + 180.0) % 360.0 - 180.0
-        place = np.round(place, _DECIMALS)
+        over = PchipInterpolator(own, np.column_stack([_outward(self.place), self.place[:, 2]]))(asked)
+        lat = np.degrees(np.arctan2(over[:, 2], np.hypot(over[:, 0], over[:, 1])))
+        lon = np.degrees(np.arctan2(over[:, 1], over[:, 0]))
+        place = np.round(np.column_stack([lat, (lon + 180.0) % 360.0 - 180.0, over[:, 3]]), _DECIMALS)
         attitude = np.full((len(asked), 4), np.nan)
         known = np.all(np.isfinite(self.attitude), axis=0)
+        turned, turned_there = _turned(own, self.place, asked, place)
+        given = self.attitude - np.column_stack([turned, np.zeros((len(own), 3))])
         for column in np.flatnonzero(known):
-            values = self.attitude[:, column]
+            values = given[:, column]
             if ATTITUDE[column] in ("azimuth", "roll"):
                 values = np.unwrap(values, period=360.0)  # the short way
             attitude[:, column] = PchipInterpolator(own, values)(asked)
         if known[:2].all():
-            attitude[:, :2] = _looking(own, self.attitude[:, :2], asked)
+            attitude[:, :2] = _looking(own, given[:, :2], asked)
+        attitude[:, 0] = (attitude[:, 0] + turned_there) % 360.0
         return place, attitude
 
     def camera(self, base: Camera, times: NDArray[np.datetime64]) -> list[Camera]:
@@ -150,8 +160,8 @@ class CameraPath:
         """Azimuths (n,) of the way itself, degrees; where it stands still, that of before; NaN where it never moves."""
         step = np.timedelta64(500, "ms")
         (before, _), (after, _) = self.at(times - step), self.at(times + step)
-        north = after[:, 0] - before[:, 0]
-        east = ((after[:, 1] - before[:, 1] + 180.0) % 360.0 - 180.0) * np.cos(np.radians(before[:, 0]))
+        way, (place, _) = _outward(after) - _outward(before), self.at(times)
+        east, north = (np.degrees((way * axis).sum(-1)) for axis in _east_north(place))
         still = np.hypot(north, east) < 1e-9
         heading = np.degrees(np.arctan2(east, north)) % 360.0
         if still.all():
@@ -160,21 +170,62 @@ class CameraPath:
         return np.asarray(heading[np.where(last < 0, int(np.argmin(still)), last)])
 
 
+def _outward(place: F64) -> F64:
+    """Unit vectors (n, 3) from the Earth's centre through places (n, 2 or more): latitude, longitude in degrees."""
+    lat, lon = np.radians(place[:, 0]), np.radians(place[:, 1])
+    return np.column_stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+
+
+def _east_north(place: F64) -> tuple[F64, F64]:
+    """Unit vectors (n, 3) to the east and to the north at places; at a pole north is along its longitude."""
+    lon = np.radians(place[:, 1])
+    east = np.column_stack([-np.sin(lon), np.cos(lon), np.zeros_like(lon)])
+    return east, np.cross(_outward(place), east)
+
+
+def _at(own: F64, asked: F64) -> NDArray[np.intp]:
+    """The point (n,) after which each of the times comes, never the last one."""
+    return np.clip(np.searchsorted(own, asked, side="right") - 1, 0, len(own) - 2)
+
+
+def _turned(own: F64, points: F64, asked: F64, place: F64) -> tuple[F64, F64]:
+    """How far (degrees) north has turned below a camera that has come straight on from the first point, at points and
+    at the places of times: the meridians' convergence, and half a circle over a pole."""
+
+    def turn(here: F64, there: F64) -> F64:
+        """Azimuth at another place of what is north here, carried along the great circle between both."""
+        old, new, north = _outward(here), _outward(there), _east_north(here)[1]
+        along = np.cross(old, new)
+        carried = north + np.cross(along, north)
+        carried += np.cross(along, np.cross(along, north)) / (1.0 + (old * new).sum(-1, keepdims=True))
+        x, y = ((carried * axis).sum(-1) for axis in _east_north(there))
+        return np.degrees(np.arctan2(x, y))
+
+    turned = np.concatenate([[0.0], np.cumsum(turn(points[:-1], points[1:]))])
+    at = _at(own, asked)
+    return turned, turned[at] + turn(points[at], place)
+
+
 def _looking(own: F64, looking_deg: F64, asked: F64) -> F64:
-    """Azimuth and altitude on the great circles between the lines of sight of neighbouring points."""
+    """Azimuth and altitude on the great circles between the lines of sight of neighbouring points; where these are
+    more than 90 degrees apart, and the circle might go by zenith or nadir, the camera pans and tilts evenly."""
     vectors = horizon_vector(looking_deg[:, 0], looking_deg[:, 1])
-    at = np.clip(np.searchsorted(own, asked, side="right") - 1, 0, len(own) - 2)
+    at = _at(own, asked)
     share = ((asked - own[at]) / (own[at + 1] - own[at]))[:, None]
     one, other = vectors[at], vectors[at + 1]
+    across = looking_deg[at + 1] - looking_deg[at]
+    across[:, 0] = (across[:, 0] + 180.0) % 360.0 - 180.0
+    panned = looking_deg[at] + share * across
     angle = np.arccos(np.clip((one * other).sum(-1, keepdims=True), -1.0, 1.0))
     small = angle < 1e-6
-    safe = np.where(small, 1.0, np.sin(angle))
+    safe = np.where(small | (angle > np.pi / 2), 1.0, np.sin(angle))
     first = np.where(small, 1 - share, np.sin((1 - share) * angle) / safe)
     second = np.where(small, share, np.sin(share * angle) / safe)
     mixed = first * one + second * other
     mixed /= np.linalg.norm(mixed, axis=-1, keepdims=True)
     azimuth = np.degrees(np.arctan2(mixed[:, 0], mixed[:, 1])) % 360.0
-    return np.column_stack([azimuth, np.degrees(np.arcsin(np.clip(mixed[:, 2], -1.0, 1.0)))])
+    along = np.column_stack([azimuth, np.degrees(np.arcsin(np.clip(mixed[:, 2], -1.0, 1.0)))])
+    return np.where(angle > np.pi / 2, panned, along)
 
 
 def _csv(text: str, file: Path) -> list[tuple[np.datetime64, list[float]]]:

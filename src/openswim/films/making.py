@@ -166,7 +166,7 @@ def shots_of(
         if not 0 < speed <= 1e6:
             raise UserError(f"film: speed {speed:g}; give more than 0")
         length_s = float((path.time[-1] - path.time[0]) / np.timedelta64(1, "ms")) / 1e3
-        count = _count(length_s / speed * fps)
+        count = _count(length_s / speed * fps, "play the path faster (--speed)")
         steps = np.round(np.arange(count) / fps * speed * 1e3).astype("timedelta64[ms]")
         times = path.time[0] + steps
         sky.check_between(times)
@@ -183,17 +183,15 @@ def shots_of(
         times = np.arange(first, last + np.timedelta64(1, "ms"), step)
     chosen = [t for t in times if (begin is None or t >= begin) and (end is None or t <= end)]
     if not chosen:
-        raise UserError(
-            f"film: no frames between --from {begin} and --to {end}; the model's times are "
-            f"{sky.times[0]} to {sky.times[-1]}"
-        )
+        asked = " ".join(f"{name} {time}" for name, time in (("--from", begin), ("--to", end)) if time is not None)
+        raise UserError(f"film: no frames {asked}; the model's times are {sky.times[0]} to {sky.times[-1]}")
     sky.check_between(chosen)
     return [Shot(time, camera) for time in chosen]
 
 
-def _count(frames: float) -> int:
+def _count(frames: float, remedy: str = "choose longer steps") -> int:
     if not frames <= MOST_FRAMES:
-        raise UserError(f"film: {frames:.7g} frames; at most {MOST_FRAMES} are made: choose longer steps")
+        raise UserError(f"film: {frames:.7g} frames; at most {MOST_FRAMES} are made: {remedy}")
     return int(np.floor(frames + 1e-9)) + 1
 
 

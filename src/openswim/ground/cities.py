@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.resources import files
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from openswim.arguments import paths
+from openswim.ground.maps import maps_of
 from openswim.scene.ground import Ground
 
 F64 = NDArray[np.float64]
@@ -24,8 +23,6 @@ _LAMP_NM = np.array([380.0, 430.0, 450.0, 480.0, 510.0, 546.0, 570.0, 590.0, 615
 _LAMP = np.array([0.02, 0.2, 0.55, 0.3, 0.5, 0.85, 1.25, 2.0, 1.5, 0.8, 0.4, 0.2, 0.35, 0.1])
 _SODIUM = np.array([0.02, 0.06, 0.2, 0.15, 0.25, 0.62, 1.35, 2.6, 1.7, 0.6, 0.25, 0.3, 0.6, 0.1])
 
-_MAPS: WeakKeyDictionary[Ground, list] = WeakKeyDictionary()
-
 
 def lamp_spectrum(wavelengths_nm: ArrayLike) -> F64:
     """W m-2 sr-1 nm-1 (nw,) of 1 nW cm-2 sr-1 in the band of 500 to 900 nm."""
@@ -39,7 +36,7 @@ def city_radiance(lat: ArrayLike, lon: ArrayLike, ground: Ground | None = None, 
     one's."""
     lat, lon = np.broadcast_arrays(np.asarray(lat, float), np.asarray(lon, float))
     found = _coarse(lat, lon)
-    for raster in [] if ground is None else _rasters(ground):
+    for raster in [] if ground is None else maps_of(ground).lights:
         width = np.broadcast_to(np.asarray(footprint_m, float), lat.shape).ravel()
         values, known = (each.reshape(*lat.shape, *each.shape[1:]) for each in raster.sample(lat.ravel(), lon.ravel(),
                          width))  # fmt: skip
@@ -52,14 +49,6 @@ def sodium_tint(wavelengths_nm: ArrayLike) -> F64:
     """How much more (nw,) of sodium's light there is than of diodes' in the mean of both, over that."""
     sodium, both = (np.interp(np.asarray(wavelengths_nm, float), _LAMP_NM, lamp) for lamp in (_SODIUM, _LAMP))
     return np.asarray(sodium / both - 1)
-
-
-def _rasters(ground: Ground) -> list:
-    from openswim.ground.raster import Raster
-
-    if ground not in _MAPS:
-        _MAPS[ground] = [Raster(path, (1,)) for path in paths("lights", ground.lights)]
-    return _MAPS[ground]
 
 
 @cache

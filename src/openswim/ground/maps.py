@@ -32,6 +32,7 @@ class Maps:
     def __init__(self, ground: Ground) -> None:
         self.albedo = sorted((AlbedoMap(path) for path in paths("albedo", ground.albedo)), key=lambda m: -m.pixel_m)
         self.height = sorted((HeightMap(path) for path in paths("height", ground.height)), key=lambda m: -m.pixel_m)
+        self.lights = [_raster(path, (1,)) for path in paths("lights", ground.lights)]
 
     def albedo_at(self, time: np.datetime64 | None, texture: bool) -> list[AlbedoMap]:
         """Albedo maps, or textures, that hold at a time."""
@@ -52,6 +53,12 @@ def maps_of(ground: Ground) -> Maps:
     if ground not in _OPENED:
         _OPENED[ground] = Maps(ground)
     return _OPENED[ground]
+
+
+def _raster(path: PathLike, bands: tuple[int, ...]) -> Raster:
+    from openswim.ground.raster import Raster
+
+    return Raster(path, bands)
 
 
 class AlbedoMap:

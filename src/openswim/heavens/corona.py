@@ -13,7 +13,7 @@ from openswim.scene.frame import horizon_vector
 
 F64 = NDArray[np.float64]
 
-FARTHEST = 12.0  # radii of the sun
+FARTHEST, _FADES = 12.0, 7.0  # radii of the sun; from where it fades, so that it has no edge in a dark sky
 MOST_SUN = 0.02  # share of the sun's light beside which none of it is seen
 _POLE_ICRS_DEG = (286.13, 63.87)  # right ascension and declination of the sun's north pole (Carrington's elements)
 _FLATTER = (0.28, 0.06)  # R_equator / R_pole - 1 of its isophotes at the sun's least activity, and at its most
@@ -24,10 +24,12 @@ _PLACES, _SMALL, _WITHIN = 200_000, 0.25, 3  # samples; radii of the sun under w
 def brightness(radius: F64, from_pole: F64, flattening: float = 0.0) -> F64:
     """Over the mean of the sun's disc (n,), at distances from its middle in radii and at angles from its pole (cosine).
 
-    Baumbach 1937 with the light that dust scatters; 1.1e-6 of the sun's light beyond its limb.
+    Baumbach 1937 with the light that dust scatters; 1.1e-6 of the sun's light beyond its limb. From 7 radii on it fades
+    to nothing at 12, where dust has 1e-10 and shines on as the light of the zodiac.
     """
     r = np.maximum(radius * (1 + flattening * (from_pole**2 - 0.5)), 1.0)
-    return np.asarray(1e-6 * (2.565 * r**-17.0 + 1.425 * r**-7.0 + 0.0532 * r**-2.5))
+    near = np.clip(np.log(FARTHEST / np.maximum(radius, 1.0)) / np.log(FARTHEST / _FADES), 0.0, 1.0)
+    return np.asarray(near**2 * (3 - 2 * near) * 1e-6 * (2.565 * r**-17.0 + 1.425 * r**-7.0 + 0.0532 * r**-2.5))
 
 
 def flattening(flux_sfu: float) -> float:
