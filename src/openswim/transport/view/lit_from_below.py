@@ -33,6 +33,7 @@ _FROM_M = 5e6  # along a ray from the ground, beyond all air
 _NEXT_TO_BLACK = 0.005  # albedos that tell nothing of t
 # Eyes between which this fades in: to lower ones the air below them is not all that they see
 LOWEST_EYE_M, _HIGHEST_EYE_M = 1e4, 4e4
+NEIGHBOURHOOD_M = 3e4  # of ground that lights the air over a place: four fifths of it by 20 km (Vermote et al. 1997)
 _LEVEL = 0.15  # cosine of the zenith angle, up to which it fades out: beside rays that meet no ground
 
 

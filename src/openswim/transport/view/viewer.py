@@ -34,7 +34,7 @@ from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested, sparse
 from openswim.transport.view.around_shadow import light_around
 from openswim.transport.view.level_ice import level_ice
-from openswim.transport.view.lit_from_below import LOWEST_EYE_M, LitFromBelow
+from openswim.transport.view.lit_from_below import LOWEST_EYE_M, NEIGHBOURHOOD_M, LitFromBelow
 from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, Water, wet_rays
 from openswim.transport.view.seen import Seen, View
 from openswim.transport.view.shading import shade
@@ -154,9 +154,9 @@ class AimedGrid:
         up = np.array([0.0, 0.0, radius_m])
         eye_m = np.linalg.norm(origin + up, axis=-1) - radius_m
         which = np.flatnonzero((found.distance >= 0) & (eye_m > LOWEST_EYE_M))
-        beside = ~self.levels[-1].holds(place[which])
+        beside_m = self.levels[-1].beside_m(place[which])
         if lit.options.name != "swim":
-            which, beside = which[beside], beside[beside]
+            which, beside_m = which[beside_m > 0], beside_m[beside_m > 0]
         if which.size == 0:
             return
         ground = lit.once("lit from below", lambda: LitFromBelow.of(sunlit_wide_shells(lit), black_shells(lit)))
@@ -165,14 +165,17 @@ class AimedGrid:
         lat, lon, _ = lit.frame.latlon(place[which])
         vertical = place[which] + up
         vertical /= np.linalg.norm(vertical, axis=-1, keepdims=True)
-        sample = lit.surface.sample(lat, lon)
+        sample = lit.surface.sample(lat, lon, NEIGHBOURHOOD_M)
         of_air, of_ground = ground.more(
             hemispherical_albedo(sample, lit.wavelengths_nm), 1 - np.asarray(sample.water), vertical @ lit.sun,
             -(vertical * direction[which]).sum(-1), eye_m[which],
         )  # fmt: skip
+        if lit.swept:  # by light that comes in through its sides from air over the mean
+            share = -np.expm1(-((beside_m / NEIGHBOURHOOD_M) ** 2))[:, None]
+            of_air, of_ground = share * of_air, share * of_ground
         if self.volume.species:
             of_air *= np.exp(-found.depth[which, : self.volume.species].astype(float) @ self.volume.scaled)
-        more = of_air + beside[:, None] * found.through[which] * of_ground
+        more = of_air + (beside_m > 0)[:, None] * found.through[which] * of_ground
         found.radiance[which] = np.maximum(found.radiance[which] + more, 0)
 
     def _add_light_around(self, found: Seen, origin: F64, direction: F64, place: F64) -> None:
@@ -194,12 +197,16 @@ class AimedGrid:
 
     def holds(self, place: F64) -> NDArray[np.bool_]:
         """Which of places (n, 3) lie within the grid's sides."""
+        return self.beside_m(place) == 0
+
+    def beside_m(self, place: F64) -> F64:
+        """How far places (n, 3) lie outside of the grid's sides; 0 within."""
         medium = self.lit.medium
         if medium is None or medium.periodic:
-            return np.full(len(place), self.volume.periodic)
-        ix, iy = medium.indices(place)
-        _, ny, nx = medium.shape
-        return np.asarray((ix >= 0) & (iy >= 0) & (ix <= nx - 1) & (iy <= ny - 1))
+            return np.full(len(place), 0.0 if self.volume.periodic else np.inf)
+        (ix, iy), (_, ny, nx), (dx, dy) = medium.indices(place), medium.shape, medium.cell_m
+        ix, iy = (np.nan_to_num(i, nan=1e9, posinf=1e9, neginf=-1e9) for i in (ix, iy))
+        return np.asarray(np.hypot(dx * (ix - np.clip(ix, 0, nx - 1)), dy * (iy - np.clip(iy, 0, ny - 1))))
 
     def more_of_the_sun(self, place: F64) -> F64 | float:
         """Of places (n, 3) on ground beside the grid, how many times the light they have that the scene's origin has:
