@@ -1,4 +1,5 @@
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
@@ -20,3 +21,13 @@ def shared() -> Path:
     if not (folder / "reference").is_dir():
         pytest.skip(f"no reference data at {folder}; set OPENSWIM_SHARED")
     return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_prober() -> Iterator[None]:
+    """One process looks at the HDF5 files of all tests of a module, as at those of a series: to start one for each
+    file that is opened takes twice the time of the look itself. tests/readers/test_prober.py starts its own."""
+    from openswim.readers.common.prober import prober
+
+    with prober():
+        yield

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ def cloud(shape: tuple[int, int, int]) -> np.ndarray:
     return out
 
 
+@cache
 def scenes() -> dict[str, Scene]:
     wide = grid_scene(cloud((6, 12, 12)), (6, 12, 12), (3000.0, 3000.0, 500.0), curved=True, air=True)
     return {

@@ -14,11 +14,24 @@ from openswim.solver import Solver
 WAVELENGTHS = np.array([615.0, 546.0, 450.0])
 LAT, LON = 50.0, 10.0
 KM_PER_LON = 71.5
+SOLVER = Solver("fast", quality="preview")
+
+
+@pytest.fixture(scope="module")
+def dark():
+    """A scene, and its light of no lamps, which is that whatever town there is."""
+    nodes, z = np.arange(-18, 19) * 4.0, np.array([0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0])
+    air = Atmosphere.us_standard(300.0, AerosolProfile(0.15))
+    scene = Scene.from_arrays(
+        np.zeros((6, 37, 37), np.float32), LON + nodes / KM_PER_LON, LAT + nodes / 111.2, z, crs="latlon",
+        surface_albedo=0.15, atmosphere=air,
+    )  # fmt: skip
+    return scene, SOLVER.solve_starlit(scene, WAVELENGTHS, np.zeros(3))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("away_km", [20.0, 36.0, 60.0])
-def test_a_dome_is_as_bright_as_that_of_a_town_within(away_km, monkeypatch):
+def test_a_dome_is_as_bright_as_that_of_a_town_within(away_km, dark, monkeypatch):
     """Within a half in green and red up to 45 degrees; what is scattered often makes blue ones brighter."""
 
     def town(lat, lon):
@@ -26,18 +39,12 @@ def test_a_dome_is_as_bright_as_that_of_a_town_within(away_km, monkeypatch):
         return 30.0 * np.exp(-0.5 * (north**2 + east**2) / 6.0**2)
 
     monkeypatch.setattr(cities, "_coarse", town)
-    nodes, z = np.arange(-18, 19) * 4.0, np.array([0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0])
-    air = Atmosphere.us_standard(300.0, AerosolProfile(0.15))
-    scene = Scene.from_arrays(
-        np.zeros((6, 37, 37), np.float32), LON + nodes / KM_PER_LON, LAT + nodes / 111.2, z, crs="latlon",
-        surface_albedo=0.15, atmosphere=air,
-    )  # fmt: skip
-    frame, solver = scene_frame(scene), Solver("fast", quality="preview")
+    scene, without = dark
+    frame = scene_frame(scene)
     up = frame.direction(0.0, np.array([2.0, 5.0, 10.0, 20.0, 30.0, 45.0]), LAT, LON)
     rays = Rays(frame.position(LAT, LON, 2.0), up)
-    bright, dark = (solver.solve_starlit(scene, WAVELENGTHS, lamps)
-                    for lamps in (1e9 * cities.lamp_spectrum(WAVELENGTHS), np.zeros(3)))  # fmt: skip
-    within = (bright.view(rays).radiance.astype(float) - dark.view(rays).radiance) / 1e9
+    bright = SOLVER.solve_starlit(scene, WAVELENGTHS, 1e9 * cities.lamp_spectrum(WAVELENGTHS))
+    within = (bright.view(rays).radiance.astype(float) - without.view(rays).radiance) / 1e9
     sources = far_sources(frame, LAT, LON, lambda lat, lon: np.zeros(np.shape(lat), bool), None)
     domes = domes_of(Air.of(bright), frame, LAT, LON, 2.0, 0.0, WAVELENGTHS, sources)
     ratio = domes.toward(up) / within

@@ -26,6 +26,7 @@ from tests.readers.model_files import MAKERS
 from tests.readers.verdicts import Found, verdict
 
 from openswim.readers import open_scene
+from openswim.readers.common.prober import prober
 from openswim.scene.procedural import demo_scene
 
 Random = np.random.Generator
@@ -214,4 +215,5 @@ if __name__ == "__main__":
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_BYTES, ADDRESS_BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     warnings.simplefilter("ignore")
-    main(Path(sys.argv[1]), *map(int, sys.argv[2:]))
+    with prober():  # one for all files
+        main(Path(sys.argv[1]), *map(int, sys.argv[2:]))

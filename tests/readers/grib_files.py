@@ -96,25 +96,61 @@ class Product:
 
 
 def encode(product: Product, one: Message) -> bytes:
-    """The message's bytes."""
+    """The message's bytes. Tests write the same again and again: what it is made of decides, and is made once."""
+    known = _key(product)
+    if known not in _COMMON:
+        _COMMON[known] = _common(product)
+    common, lat, lon = _COMMON[known]
+    values = np.broadcast_to(np.asarray(one.values(lat, lon), float), lat.shape).copy()
+    if one.missing is not None:
+        values[one.missing(lat, lon)] = _MISSING
+    more = (product.packing, product.bits, tuple(product.pv), one.parameter, one.level, repr(one.keys))
+    whole = (known, *more, one.missing is not None, values.tobytes())
+    if whole not in _MADE:
+        _MADE[whole] = _encoded(product, common, one, values)
+    return _MADE[whole]
+
+
+def _key(product: Product) -> tuple[Any, ...]:
+    """What all messages of a product have in common."""
+    return repr(product.grid), product.edition, product.centre, product.process, product.date, product.time
+
+
+_MISSING = 1e30
+_COMMON: dict[tuple[Any, ...], tuple[Any, np.ndarray, np.ndarray]] = {}
+_MADE: dict[tuple[Any, ...], bytes] = {}
+
+
+def _common(product: Product) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Handle of a message with what all of a product have in common, and where its values lie."""
     import eccodes as ec
 
     handle = ec.codes_grib_new_from_samples("GRIB2" if product.edition == 2 else "GRIB1")
+    ec.codes_set(handle, "centre", product.centre)
+    ec.codes_set(handle, "generatingProcessIdentifier", product.process)
+    ec.codes_set(handle, "gridType", product.grid["gridType"])
+    for name, value in product.grid.items():
+        if name == "pl":
+            ec.codes_set_array(handle, "pl", value)
+        elif name != "gridType":
+            ec.codes_set(handle, name, value)
+    if product.edition == 2:
+        sides = (product.grid.get(a, product.grid.get(b)) for a, b in (("Ni", "Nx"), ("Nj", "Ny")))
+        count = sum(product.grid["pl"]) if "pl" in product.grid else math.prod(sides)
+        ec.codes_set(handle, "numberOfDataPoints", count)
+    ec.codes_set(handle, "dataDate", product.date)
+    ec.codes_set(handle, "dataTime", product.time)
+    lat, lon = points(handle)
+    for place in (lat, lon):
+        place.flags.writeable = False
+    return handle, lat, lon
+
+
+def _encoded(product: Product, common: Any, one: Message, values: np.ndarray) -> bytes:
+    import eccodes as ec
+
+    handle = ec.codes_clone(common)
     try:
-        ec.codes_set(handle, "centre", product.centre)
-        ec.codes_set(handle, "generatingProcessIdentifier", product.process)
-        ec.codes_set(handle, "gridType", product.grid["gridType"])
-        for name, value in product.grid.items():
-            if name == "pl":
-                ec.codes_set_array(handle, "pl", value)
-            elif name != "gridType":
-                ec.codes_set(handle, name, value)
-        if product.edition == 2:
-            sides = (product.grid.get(a, product.grid.get(b)) for a, b in (("Ni", "Nx"), ("Nj", "Ny")))
-            count = sum(product.grid["pl"]) if "pl" in product.grid else math.prod(sides)
-            ec.codes_set(handle, "numberOfDataPoints", count)
-        ec.codes_set(handle, "dataDate", product.date)
-        ec.codes_set(handle, "dataTime", product.time)
         names: tuple[str, ...]
         if product.edition == 2:
             names = ("discipline", "parameterCategory", "parameterNumber")
@@ -135,12 +171,9 @@ def encode(product: Product, one: Message) -> bytes:
             ec.codes_set_array(handle, "pv", list(product.pv))
         for name, value in one.keys.items():
             ec.codes_set(handle, name, value)
-        lat, lon = points(handle)
-        values = np.broadcast_to(np.asarray(one.values(lat, lon), float), lat.shape).copy()
         if one.missing is not None:
             ec.codes_set(handle, "bitmapPresent", 1)
-            ec.codes_set(handle, "missingValue", 1e30)
-            values[one.missing(lat, lon)] = 1e30
+            ec.codes_set(handle, "missingValue", _MISSING)
         ec.codes_set(handle, "packingType", product.packing)
         ec.codes_set(handle, "bitsPerValue", product.bits)
         ec.codes_set_values(handle, values)

@@ -18,6 +18,7 @@ import netCDF4, numpy as np, xarray as xr
 from pathlib import Path
 from openswim.errors import UserError
 from openswim.readers import describe, open_scene
+from openswim.readers.common.prober import prober
 random = np.random.default_rng(int(sys.argv[1]))
 BAD = [np.nan, np.inf, -np.inf, 1e20, -1e20, 9.96921e36, 0.0, -1.0, 1e-30, 1e308, -9999.0, 360.0]
 WORDS = ["", "nonsense", 5, 1e30, np.nan, "degrees_east", "K",
@@ -62,6 +63,7 @@ def stretched(source, target):
                 copy[...] = field[...]
     return f"stretched {longer}"
 
+prober().__enter__()  # one for all files
 for source in sys.argv[3:]:
     for number in range(int(sys.argv[2])):
         target = Path(source).with_name(f"mangled{Path(source).suffix}")

@@ -32,6 +32,11 @@ _AT_ONCE_S = 5.0  # on a busy machine
 pytestmark = pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="nobody tells which libraries are loaded")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_prober() -> None:
+    """None: tests here are about how each is started and ends."""
+
+
 @pytest.fixture
 def started(monkeypatch) -> list[subprocess.Popen]:
     """The processes that are started to look at files."""

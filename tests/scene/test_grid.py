@@ -26,6 +26,8 @@ ROTATED = CRS.from_cf(
         "grid_north_pole_latitude": 39.25,
         "grid_north_pole_longitude": -162.0,
         "earth_radius": RADIUS_M,
+        "longitude_of_prime_meridian": 0.0,
+        "prime_meridian_name": "Greenwich",  # or pyproj looks for it for .4 s
     }
 )
 

@@ -36,6 +36,8 @@ SYSTEMS = [
             "grid_north_pole_latitude": 39.25,
             "grid_north_pole_longitude": -162.0,
             "earth_radius": 6371229.0,
+            "longitude_of_prime_meridian": 0.0,
+            "prime_meridian_name": "Greenwich",  # or pyproj looks for it for .4 s
         }
     ),
     CRS.from_epsg(32632),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
-from functools import lru_cache
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import number
 from openswim.errors import UserError
+from openswim.readers.common.projections import crs_of
 from openswim.scene import Grid
 from openswim.scene.cf import GRID_MAPPING
 from openswim.scene.grid import EARTH_RADIUS_M
@@ -77,22 +77,13 @@ def crs_from_cf(name: str, attributes: Mapping[Any, Any]) -> CRS:
     """The projection that the attributes of a CF grid mapping variable describe."""
     from pyproj.exceptions import CRSError
 
-    plain = all(isinstance(value, Hashable) for value in attributes.values())  # arrays are not
     try:
-        return (_crs_of if plain else _crs_of.__wrapped__)(tuple(attributes.items()))
+        return crs_of(attributes)
     except (CRSError, KeyError, ValueError, TypeError) as error:
         raise UserError(
             f"the grid mapping {name} is not understood ({' '.join(str(error).split())[:120]}): "
             "write it with pyproj's CRS.to_cf()"
         ) from error
-
-
-@lru_cache(maxsize=16)
-def _crs_of(attributes: tuple[tuple[Any, Any], ...]) -> CRS:
-    """Of a datum without a name PROJ thinks for .3 s, and the files of a run have one and the same."""
-    from pyproj import CRS
-
-    return CRS.from_cf(dict(attributes))
 
 
 def _earth_radius_m(data: xr.Dataset, crs: CRS | None, notes: list[str]) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from openswim.arguments import shown
 from openswim.errors import UserError
+from openswim.readers.common.projections import crs_of
 from openswim.readers.domain.mesh import Mesh
 from openswim.readers.grib.file import MAX_POINTS, Field, GRIBFile
 from openswim.readers.grib.scanning import check_scanning
@@ -143,7 +144,7 @@ def _crs(keys: dict[str, Any], kind: str, notes: list[str]) -> tuple[CRS, float]
         return CRS.from_proj4(f"+proj=longlat +R={radius} +no_defs"), radius
     if kind == "rotated_ll":
         south, lon = keys["latitudeOfSouthernPoleInDegrees"], keys["longitudeOfSouthernPoleInDegrees"]
-        return CRS.from_cf(
+        return crs_of(
             {
                 "grid_mapping_name": "rotated_latitude_longitude",
                 "grid_north_pole_latitude": -south,

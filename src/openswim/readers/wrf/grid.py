@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from openswim.errors import UserError
 from openswim.readers.common.base import cells_off
+from openswim.readers.common.projections import crs_of
 from openswim.readers.wrf.file import FULL_LEVELS, SURFACE, WRFFile
 from openswim.scene import Grid
 
@@ -97,7 +98,7 @@ def projection(file: WRFFile, kind: int, centre_lon: float) -> CRS:
     elif abs(file.number("POLE_LAT", 90.0)) > 89.999:
         described = "+proj=longlat"
     else:
-        return CRS.from_cf(
+        return crs_of(
             {
                 "grid_mapping_name": "rotated_latitude_longitude",
                 "grid_north_pole_latitude": file.number("POLE_LAT"),
