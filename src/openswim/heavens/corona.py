@@ -18,7 +18,8 @@ MOST_SUN = 0.02  # share of the sun's light beside which none of it is seen
 _POLE_ICRS_DEG = (286.13, 63.87)  # right ascension and declination of the sun's north pole (Carrington's elements)
 _FLATTER = (0.28, 0.06)  # R_equator / R_pole - 1 of its isophotes at the sun's least activity, and at its most
 _LEAST_SFU, _MOST_SFU = 70.0, 180.0
-_PLACES, _SMALL, _WITHIN = 200_000, 0.25, 3  # samples; radii of the sun under which pixels are looked at one by one
+_PLACES, _SMALL = 200_000, 1.5  # samples; radii of the sun under which pixels are looked at one by one ...
+_WITHIN, _PER_RADIUS = 3, 12  # ... at least so many times each way, and so many to a radius: near the limb it is steep
 
 
 def brightness(radius: F64, from_pole: F64, flattening: float = 0.0) -> F64:
@@ -72,12 +73,12 @@ def drawn_corona(
         ])  # fmt: skip
         own = pixels.inside[rows, columns]
         rows, columns = rows[own], columns[own]
-        found = np.zeros(len(rows))
-        for down, over in np.ndindex(_WITHIN, _WITHIN):
-            part = ((down, over) - np.array(_WITHIN // 2)) / _WITHIN
+        found, within = np.zeros(len(rows)), max(_WITHIN, round(_PER_RADIUS * width / np.radians(disc.radius_deg)))
+        for down, over in np.ndindex(within, within):
+            part = ((down, over) - np.array(0.5 * (within - 1))) / within
             toward = horizon_vector(*camera.direction_of(rows + part[0], columns + part[1]))
             off = np.where((toward @ ahead > 0)[:, None], toward @ sideways, 1.0) / np.radians(disc.radius_deg)
-            found += np.nan_to_num(light(off)) / _WITHIN**2
+            found += np.nan_to_num(light(off)) / within**2
         lit = np.flatnonzero(found)
         ways = pixels.direction[rows[lit], columns[lit]]
         transmittance, hit = through(ways, width)
