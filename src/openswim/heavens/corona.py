@@ -10,6 +10,7 @@ from openswim.cameras.pixels import Pixels
 from openswim.heavens.points import Drawn, gathered
 from openswim.heavens.sun_disc import Disc, Through, across, pixels_of
 from openswim.scene.frame import horizon_vector
+from openswim.scene.interpolation import smooth_step
 
 F64 = NDArray[np.float64]
 
@@ -29,8 +30,8 @@ def brightness(radius: F64, from_pole: F64, flattening: float = 0.0) -> F64:
     to nothing at 12, where dust has 1e-10 and shines on as the light of the zodiac.
     """
     r = np.maximum(radius * (1 + flattening * (from_pole**2 - 0.5)), 1.0)
-    near = np.clip(np.log(FARTHEST / np.maximum(radius, 1.0)) / np.log(FARTHEST / _FADES), 0.0, 1.0)
-    return np.asarray(near**2 * (3 - 2 * near) * 1e-6 * (2.565 * r**-17.0 + 1.425 * r**-7.0 + 0.0532 * r**-2.5))
+    near = smooth_step(np.log(FARTHEST / np.maximum(radius, 1.0)) / np.log(FARTHEST / _FADES))
+    return np.asarray(near * 1e-6 * (2.565 * r**-17.0 + 1.425 * r**-7.0 + 0.0532 * r**-2.5))
 
 
 def flattening(flux_sfu: float) -> float:

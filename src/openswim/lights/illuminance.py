@@ -3,6 +3,7 @@
 import numpy as np
 
 from openswim.lights.moon import Moon
+from openswim.scene.interpolation import smooth_step
 
 # log10 of lux by powers of altitude/90 (Seidelmann, Explanatory Supplement to the Astronomical Almanac, natural
 # illumination), from each altitude (degrees) up
@@ -48,6 +49,5 @@ def shares(lux: dict[str, float]) -> dict[str, float]:
     found = {}
     for name, own in lux.items():
         part = np.log(max(own / total, 1e-30) / LEAST) / np.log(FULL / LEAST)
-        t = float(np.clip(part, 0.0, 1.0))
-        found[name] = t * t * (3 - 2 * t)
+        found[name] = float(smooth_step(part))
     return found

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from openswim.optics import aerosol
 from openswim.scene.aerosol import AerosolProfile, central_ground_m
+from openswim.scene.interpolation import smooth_step
 from openswim.scene.phase import Mixture, PhaseFunction
 
 if TYPE_CHECKING:
@@ -96,19 +97,14 @@ def share_within(grid: Grid, sides: bool = True) -> F32:
     it goes on there in a wider one)."""
     heights = grid.height_m if grid.height_m.ndim == 3 else grid.height_m[:, None, None]
     top, low = heights[-1], heights[0]
-    share = _smooth((top - heights) / (_TOP_SHARE * np.maximum(top - low, 1.0)))
+    share = smooth_step((top - heights) / (_TOP_SHARE * np.maximum(top - low, 1.0)))
     if grid.periodic or not sides:
         return share.astype(np.float32)
     _, ny, nx = grid.shape
-    from_side = [_smooth(_cells_within(n) / max(_RIM_SHARE * n, _RIM_CELLS)) for n in (ny, nx)]
+    from_side = [smooth_step(_cells_within(n) / max(_RIM_SHARE * n, _RIM_CELLS)) for n in (ny, nx)]
     return (share * from_side[0][:, None] * from_side[1]).astype(np.float32)
 
 
 def _cells_within(count: int) -> F64:
     place = np.arange(count, dtype=float)
     return np.minimum(place, count - 1 - place)
-
-
-def _smooth(t: F64) -> F64:
-    t = np.clip(t, 0, 1)
-    return np.asarray(t * t * (3 - 2 * t))

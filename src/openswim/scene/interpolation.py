@@ -1,4 +1,4 @@
-"""Linear interpolation: between the nodes of a grid or the pixels of an image, from a model's own levels to others, and
+"""Interpolation: between the nodes of a grid or the pixels of an image, from a model's own levels to others, and
 between wavelengths."""
 
 from __future__ import annotations
@@ -11,6 +11,12 @@ from numpy.typing import NDArray
 F32 = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+
+def smooth_step(t: Any) -> FloatArray:
+    """0 up to t = 0, 1 from t = 1 on, a cubic without kinks between."""
+    t = np.clip(t, 0, 1)
+    return np.asarray(t * t * (3 - 2 * t))
 
 
 def corners(

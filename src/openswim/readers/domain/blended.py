@@ -16,7 +16,7 @@ from openswim.readers.domain.mesh import mesh_of
 from openswim.readers.domain.selection import Selection, onto
 from openswim.scene import Grid, Scene
 from openswim.scene.checks import WAVELENGTH_DIM
-from openswim.scene.interpolation import on_levels
+from openswim.scene.interpolation import on_levels, smooth_step
 from openswim.scene.rims import BEYOND_CELLS, rim_m
 from openswim.scene.variables import DIRECT_PREFIX, HYDROMETEORS, LEVEL_DIMS, SURFACE_DIMS
 
@@ -114,11 +114,6 @@ def levels_of(scenes: Sequence[Scene]) -> F64:
     return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)
 
 
-def _smoothstep(t: Any) -> F64:
-    t = np.clip(t, 0, 1)
-    return np.asarray(t * t * (3 - 2 * t))
-
-
 def _lay(scene: Scene, coarser: Scene | None, target: Grid, levels: F64) -> _Laid:
     grid = scene.grid
     assert grid is not None
@@ -139,7 +134,7 @@ def _lay(scene: Scene, coarser: Scene | None, target: Grid, levels: F64) -> _Lai
         top, low = heights[-1], heights[0]
         fade = _TOP_SHARE * np.maximum(top - low, 1.0)
         for k, z in enumerate(levels):
-            weight[k] = _smoothstep(edge / rim) * _smoothstep((top - z) / fade)
+            weight[k] = smooth_step(edge / rim) * smooth_step((top - z) / fade)
     return _Laid(scene, part, weight, heights, levels)
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.scene.interpolation import smooth_step
 from openswim.transport.air.shells import no_volume
 from openswim.transport.engine.interpolation import bilinear
 from openswim.transport.engine.pack import PACK
@@ -69,7 +70,7 @@ class LitFromBelow:
         ground is no water (n,), which mirrors most of what it sends elsewhere."""
         at_sun = np.interp(mu_sun, _MU_SUN, np.arange(len(_MU_SUN)))
         at_view = np.interp(mu_view, _MU_VIEW, np.arange(len(_MU_VIEW)))
-        whole = _smooth((eye_m - LOWEST_EYE_M) / (_HIGHEST_EYE_M - LOWEST_EYE_M)) * _smooth(mu_view / _LEVEL)
+        whole = smooth_step((eye_m - LOWEST_EYE_M) / (_HIGHEST_EYE_M - LOWEST_EYE_M)) * smooth_step(mu_view / _LEVEL)
         sent = _sent(albedo, self.share) - _sent(self.albedo, self.share)
         grown = (1 - self.share * self.albedo) / (1 - self.share * albedo) - 1
         flux = bilinear(self.flux[:, None], at_sun, 0 * at_sun)
@@ -90,8 +91,3 @@ def _path_radiance(shells: Shells) -> F64:
 
 def _sent(albedo: F64, share: F64) -> F64:
     return np.asarray(albedo / (1 - share * albedo))
-
-
-def _smooth(t: F64) -> F64:
-    t = np.clip(t, 0, 1)
-    return np.asarray(t * t * (3 - 2 * t))
