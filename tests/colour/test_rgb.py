@@ -162,6 +162,20 @@ def test_auto_exposure_ignores_the_suns_disc_black_space_and_what_is_outside():
     assert auto_exposure(picture_of(framed)) == pytest.approx(plain, rel=1e-6)
 
 
+@pytest.mark.parametrize("side", [4, 6, 8])  # of 60 x 60: a thin crescent, a half moon, a full one, 3 degrees wide
+def test_a_disc_that_a_long_lens_sees_alone_is_exposed_for(side):
+    """And lamps of all strengths in the dark are not, nor those of a village in the distance."""
+    night = np.full((60, 60, 3), 1e-6)
+    night[20 : 20 + side, 20 : 20 + side] = 1.0
+    assert auto_exposure(picture_of(night)) == pytest.approx(0.33, rel=0.01)
+    lamps = np.full((60, 60, 3), 1e-6)
+    lamps[20 : 20 + side, 20 : 20 + side] = np.logspace(-6, 0, side * side).reshape(side, side, 1)
+    assert auto_exposure(picture_of(lamps)) > 100
+    lamps = np.full((60, 60, 3), 1e-6)
+    lamps[30, ::2] = 1.0
+    assert auto_exposure(picture_of(lamps)) > 100
+
+
 @pytest.mark.parametrize(
     ("dimmer", "darkest", "brightest"),
     # clear skies by `fast`, over that of day; a night's has moon and stars, and is shown at less than half

@@ -15,6 +15,10 @@ MIDDLE = 0.33  # where auto exposure would put the typical luminance ...
 HIGHLIGHT = 1.1  # ... and the most that it lets the bright parts have; the shoulder takes 1.1 to .849
 BRIGHT, GLARING = 98.0, 85.0  # percentiles of the bright parts, and of those that may burn out for dark land's sake
 DARK, READABLE = 15.0, 0.024  # percentile of the dark parts, and what they then have: 43/255 on the screen
+# A disc of the sun or moon is what a long lens is for where it has at least this share of the picture, all else is so
+# much darker, with next to nothing between, and it is in one place: a crescent has a tenth of the box around it.
+# A thin crescent seen 3 degrees wide has a share of .005; through lenses of 12 degrees discs have less
+DISC_SHARE, DISC_ALONE, DISC_EVEN, DISC_BOX = 0.003, 1e3, 30.0, 0.08
 # Night is to look like night: where the typical luminance falls from that of deep twilight to that of a moonless sky,
 # what it goes to falls from a third of white to less than a tenth
 DUSK, NIGHT, NIGHT_MIDDLE = 1e-5, 2e-8, 0.09
@@ -32,13 +36,17 @@ def auto_of(luminance: np.ndarray, weight: np.ndarray | None = None) -> float:
     The typical luminance (geometric mean) goes to a third of white unless that would burn out the bright parts: their
     98th percentile stays at 1.1, which the shoulder brings below white. Where that would leave land dark under a low
     sun, up to 15 % of the pixels may burn out. At night it goes to less than a tenth, as from a tripod. Pixels outside
-    the image, black space (below .2 % of the bright parts) and the sun's disc do not count.
+    the image, black space (below .2 % of the bright parts) and the sun's disc do not count, but for a lens so long that
+    it sees little but a disc: that of the sun or moon is what counts then.
     """
     weight = np.ones_like(luminance) if weight is None else np.broadcast_to(weight, luminance.shape)
     known = np.isfinite(luminance) & (luminance > 0) & (weight > 0)
     if not known.any():
         return 1.0
     valid, weight = luminance[known], weight[known]
+    if luminance.ndim == 2:
+        disc = _disc(np.where(known, luminance, 0.0), known)[known]
+        valid, weight = valid[disc], weight[disc]
     (bright,) = _percentiles(valid, weight, BRIGHT)
     some = (valid > 0.002 * bright) & (valid < 30 * bright)
     scene, weight = valid[some], weight[some]
@@ -48,6 +56,18 @@ def auto_of(luminance: np.ndarray, weight: np.ndarray | None = None) -> float:
     dark, glaring, bright = _percentiles(scene, weight, DARK, GLARING, BRIGHT)
     readable = min(READABLE / dark, HIGHLIGHT / glaring)
     return float(min(middle, max(HIGHLIGHT / bright, readable), MOST_EXPOSURE))
+
+
+def _disc(luminance: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Which pixels (ny, nx) are those of a disc that stands alone in the dark; all, where there is none."""
+    most = luminance.max()
+    even, dark = luminance > most / DISC_EVEN, luminance < most / DISC_ALONE
+    share, between = even.sum() / known.sum(), (known & ~(even | dark)).sum() / known.sum()
+    rows, columns = (np.flatnonzero(even.any(axis=axis)) for axis in (1, 0))
+    sides = np.ptp(rows) + 1, np.ptp(columns) + 1
+    together = even.sum() > DISC_BOX * max(sides) ** 2
+    alone = together and DISC_SHARE < share < 1 - BRIGHT / 100 and between < 0.5 * share
+    return even if alone else known
 
 
 def _percentiles(values: np.ndarray, weight: np.ndarray, *wanted: float) -> np.ndarray:
