@@ -256,3 +256,12 @@ def test_a_model_of_one_time_is_asked_at_that_time(tmp_path: Path, monkeypatch: 
     assert "light of 2024-06-01T18:00:01Z, 6.0 hours after it: clouds do not move" in capsys.readouterr().err
     rows = (tmp_path / "light.csv").read_text().splitlines()[1:]
     assert [row.partition(",")[0] for row in rows] == [f"2024-06-01T18:00:0{s}Z" for s in ("0.000", "0.500", "1.000")]
+
+
+def test_a_flat_model_without_a_place_is_lit_at_the_one_that_is_asked_for(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(openswim, "irradiance", clear_day)
+    axis, z = np.arange(4) * 1000.0, np.array([0.0, 1000.0, 2000.0])
+    openswim.Scene.from_arrays(np.full((3, 4, 4), 1e-3), axis, axis, z).to_netcdf(tmp_path / "flat.nc")
+    line = ["irradiance", str(tmp_path / "flat.nc"), "--lat", "47", "--lon", "11", "--start", "2024-06-01T12:00"]
+    assert run([*line, "-o", str(tmp_path / "light.csv")]) == 0, capsys.readouterr().err
+    assert "light is solved 1 time" in capsys.readouterr().err

@@ -125,16 +125,18 @@ def _alone(request: IrradianceRequest) -> xr.Dataset:
 def _tell(series: Series, lat: float, lon: float, times: np.ndarray, request: IrradianceRequest) -> None:
     """What the scenes lack, and what their light will take."""
     from openswim.cli.estimate import Pictured, estimate
-    from openswim.lighting import sun_altitude_deg
+    from openswim.lights import sun_position
+    from openswim.lights.refraction import lit_altitude_deg
     from openswim.stations.through_time import WAVELENGTHS_NM, solves
 
     count = solves(series, lat, lon, times)
     scene = series.scene(next(number for number, _ in series.weights(times)))
     tell_notes(scene.notes)
     wavelengths = _options(request).get("wavelengths_nm", WAVELENGTHS_NM)
+    sun = sun_position(times[times.size // 2], lat, lon)  # over the place that is asked for: a flat scene may have none
     one = estimate(
         scene, Pictured((8, 8), request.height_m), request.solver, wavelengths,
-        sun_deg=sun_altitude_deg(scene, times[times.size // 2]),
+        sun_deg=float(lit_altitude_deg(sun.altitude_deg)),
     )  # fmt: skip
     click.echo(f"light is solved {count} time{'s' if count > 1 else ''}, each: {one}", err=True)
 
