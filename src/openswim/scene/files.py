@@ -118,16 +118,18 @@ def _check_no_device(target: Path, name: str) -> None:
 
 def _check_unprotected(target: Path, name: str) -> None:
     """Raise UserError where a file may not be written, which a new one in its place would get around."""
-    if target.exists() and not (os.access(target, os.W_OK) and target.stat().st_mode & _ANYBODY_WRITES):  # root may all
+    if not os.path.exists(target):
+        return
+    if not (os.access(target, os.W_OK) and target.stat().st_mode & _ANYBODY_WRITES):  # root may all
         raise UserError(f"{name} {target} is write-protected; remove it or choose another name")
 
 
 def _pointed_at(target: Path, name: str) -> Path:
     """What a symbolic link leads to, there or not yet; any other name as it is."""
-    if not target.is_symlink():
+    if not os.path.islink(target):  # False of names that are too long, too
         return target
     found = Path(os.path.realpath(target))
-    if found.is_symlink():
+    if os.path.islink(found):
         raise UserError(f"{name} {target}: is a symbolic link that leads round in a circle; choose another name")
     return found
 

@@ -21,8 +21,8 @@ _STAMP = re.compile(  # Python would take any sign between day and hour, and 12.
 )
 _LEAP_SECOND = re.compile(r"(?<=59)(:?)60([.,]\d+)?")
 _ZONE = re.compile(r"(since\s+\d+-\d+-\d+[T\s]+\d\d?(?::\d\d?(?::\d\d?(?:\.\d*)?)?)?)\s+(\d\d?:\d\d)\s*$")
-_REAL_CALENDARS = ("standard", "gregorian", "proleptic_gregorian", "")
-_SAME_NAMES = ("noleap", "365_day", "all_leap", "366_day", "360_day")  # calendars whose dates are called as real ones
+REAL_CALENDARS = ("standard", "gregorian", "proleptic_gregorian", "")
+SAME_NAMES = ("noleap", "365_day", "all_leap", "366_day", "360_day")  # calendars whose dates are called as real ones
 _UNITS_S = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 
 
@@ -50,12 +50,12 @@ def parse_time(time: Time, notes: list[str] | None = None) -> np.datetime64 | No
 def _told_of_calendar(stamp: Any) -> str:
     """What is to be told of a date of cftime; raises UserError where there is no day of this name."""
     calendar = str(getattr(stamp, "calendar", ""))
-    if calendar in _REAL_CALENDARS:
+    if calendar in REAL_CALENDARS:
         return ""
     day = stamp.isoformat()
     try:
         date(stamp.year, stamp.month, stamp.day)
-        known = calendar in _SAME_NAMES
+        known = calendar in SAME_NAMES
     except ValueError:
         known = False
     if not known:
