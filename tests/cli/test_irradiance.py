@@ -157,6 +157,7 @@ def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, st
         ([*CLEAR, "--end", "2016-06-24", "--every", "0.001s", "-o", "a.csv"], "44400001 times from"),
         ([*CLEAR, "--every", "7", "-o", "a.csv"], "such as 5min"),
         ([*CLEAR, "--plane", "30", "-o", "a.csv"], "2 numbers"),
+        ([*CLEAR, "--plane=-0,1e300", "-o", "a.csv"], "tilt within 0..180, azimuth within -360..360"),
         ([*CLEAR, "--fit", "beam", "-o", "a.csv"], "need a --station"),
         (["irradiance", "x.nc", "--aod", "0.1", "--lat", "1", "--lon", "1", "-o", "a.csv"], "of a clear sky"),
         (["irradiance", "--clear", "--station", "a.csv", "--plot", "a.doc"], "use .png"),
@@ -170,6 +171,11 @@ def test_times_are_from_the_first_of_the_model_to_its_last(options: dict[str, st
         (["satellite", "x.nc", "--band", "C02", "--grid", "full", "--like", "y.tif"], "which pixels"),
         (["satellite", "x.nc", "--band", "C02", "--grid", "full"], "--output missing"),
         (["satellite", "x.nc", "--band", "C02", "--like", "y.tif", "--every", "2"], "--every belongs to --grid"),
+        (
+            ["satellite", "x.nc", "--band", "C02", "--disc", "nan", "0", "1.5e6", "-o", "a.nc"],
+            "--disc nan 0 1.5e+06: give",
+        ),
+        (["satellite", "x.nc", "--band", "C02", "--disc", "0", "0", "inf", "-o", "a.nc"], "--disc 0 0 inf: give"),
         (["satellite", "x.nc", "--band", "C02", "--grid", "meso", "-o", "a.nc"], "has full and conus"),
     ],
 )
@@ -256,3 +262,57 @@ def test_a_model_of_one_time_is_asked_at_that_time(tmp_path: Path, monkeypatch: 
     assert "light of 2024-06-01T18:00:01Z, 6.0 hours after it: clouds do not move" in capsys.readouterr().err
     rows = (tmp_path / "light.csv").read_text().splitlines()[1:]
     assert [row.partition(",")[0] for row in rows] == [f"2024-06-01T18:00:0{s}Z" for s in ("0.000", "0.500", "1.000")]
+
+
+def test_a_flat_model_without_a_place_is_lit_at_the_one_that_is_asked_for(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(openswim, "irradiance", clear_day)
+    axis, z = np.arange(4) * 1000.0, np.array([0.0, 1000.0, 2000.0])
+    openswim.Scene.from_arrays(np.full((3, 4, 4), 1e-3), axis, axis, z).to_netcdf(tmp_path / "flat.nc")
+    line = ["irradiance", str(tmp_path / "flat.nc"), "--lat", "47", "--lon", "11", "--start", "2024-06-01T12:00"]
+    assert run([*line, "-o", str(tmp_path / "light.csv")]) == 0, capsys.readouterr().err
+    assert "light is solved 1 time" in capsys.readouterr().err
+
+
+def _cloud(path: Path, **options) -> Path:
+    axis, z = np.arange(4) * 0.1, np.array([0.0, 1000.0, 2000.0])
+    scene = openswim.Scene.from_arrays(np.full((3, 4, 4), 1e-3), axis - 75.0, axis, z, crs="EPSG:4326",
+                                       time=np.datetime64("2016-06-23T12:00"))  # fmt: skip
+    scene.to_netcdf(path)
+    return path
+
+
+def test_pixels_of_an_imager_that_cannot_be_are_told_with_the_remedy(tmp_path: Path, capsys) -> None:
+    curved, axis = _cloud(tmp_path / "curved.nc"), np.arange(4) * 1000.0
+    flat = tmp_path / "flat.nc"
+    openswim.Scene.from_arrays(np.full((3, 4, 4), 1e-3), axis, axis, axis[:3], time="2016-06-23T12:00").to_netcdf(flat)
+    line = ["--band", "C02", "--grid", "full", "-o", str(tmp_path / "a.nc")]
+    for file, more, says in (
+        (flat, [], "a flat scene has no place on Earth for a satellite to look at: give it a crs"),
+        (curved, ["--every", "50"], "--every 50: leaves less than two of the"),
+        (curved, ["--every", "1" + "0" * 20], "leaves less than two of the"),
+    ):
+        assert run(["satellite", str(file), *line, *more]) == 2
+        assert says in capsys.readouterr().err
+
+
+def test_times_that_are_left_are_told_by_the_clock_and_not_by_rows(station: Path, tmp_path: Path) -> None:
+    """Its second row comes an hour after the first."""
+    lines = station.read_text().splitlines()
+    station.write_text("\n".join([*lines[:2], *lines[62:]]) + "\n")
+    out = tmp_path / "out.csv"
+    assert run([*BESIDE, "--station", str(station), "--every", "10min", "-o", str(out)]) == 0
+    assert len(out.read_text().splitlines()) == 1 + 1 + 30 + 1  # names, the first, and from ten to three
+
+
+def test_values_by_night_are_no_part_of_the_differences(tmp_path: Path, monkeypatch, capsys) -> None:
+    """Three hours of them, before the sun is up at about 10:55 UTC."""
+    monkeypatch.setattr(openswim, "irradiance", clear_day)
+    times = np.datetime64("2016-06-23T08:00") + np.arange(0, 361, 10).astype("timedelta64[m]")
+    rows = [f"{time}Z,{0.5 + 80.0 * (time > np.datetime64('2016-06-23T11:00')):.1f}" for time in times]
+    (tmp_path / "a.csv").write_text("\n".join(["utc,ghi", *rows]) + "\n")
+    place = ["--lat", "0", "--lon", "-75", "--ground", "0", "--start", "2016-06-23T08:00"]
+    line = ["irradiance", str(_cloud(tmp_path / "one.nc")), *place, "--station", str(tmp_path / "a.csv")]
+    assert run([*line, "-o", str(tmp_path / "b.csv")]) == 0, capsys.readouterr().err
+    said = capsys.readouterr().out
+    assert "(sun above the horizon)" in said
+    assert f"n = {(times > np.datetime64('2016-06-23T10:55')).sum()}" in said

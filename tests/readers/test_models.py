@@ -9,7 +9,7 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from tests.readers.model_files import HUMIDITY, NZ, TEMPERATURE, cosp, density, ecrad, era5, les, les_text, rams
+from tests.readers.model_files import HUMIDITY, NZ, TEMPERATURE, cosp, density, ecrad, era5, les, les_text, rams, um
 
 from openswim.errors import UserError
 from openswim.optics.aerosol import interpolate_spectral
@@ -494,3 +494,24 @@ def test_cosp_column_water_against_the_file(nwp):
         expected = float((q * (half[:-1] - half[1:]) / 9.81).sum())
     found = np.trapezoid(scene.data.liquid_content.values, scene.grid.height_m, axis=0).sum()
     assert found == pytest.approx(expected, rel=0.1)
+
+
+def test_a_models_own_calendar_is_told(tmp_path):
+    """Climate models have months of 30 days, and years without a leap day."""
+    path = um(tmp_path / "um.nc").paths[0]
+    notes = open_scene(path).notes
+    assert not [note for note in notes if "calendar" in note]
+    for calendar in ("360_day", "noleap"):
+        with netCDF4.Dataset(path, "a") as file:
+            file["time"].calendar, file["time"].units = calendar, "hours since 2021-11-06 00:00:00"
+            file["time"][...] = 12.0
+        scene = open_scene(path)
+        assert scene.time == np.datetime64("2021-11-06T12:00")
+        assert (
+            f"times are of the calendar {calendar}: taken for those of the same name in the Gregorian one"
+            in scene.notes
+        )
+    with netCDF4.Dataset(path, "a") as file:
+        file["time"].calendar = "julian"
+    with pytest.raises(UserError, match=r"julian calendar.*use the standard calendar"):
+        open_scene(path)

@@ -9,6 +9,7 @@ import xarray as xr
 import openswim
 from openswim.errors import UserError
 from openswim.scene import Scene
+from openswim.scene.labels.units import conversion
 
 AXES = dict(x_m=np.arange(4) * 10.0, y_m=np.arange(3) * 10.0, z_m=np.arange(2) * 10.0)
 SHAPE = (2, 3, 4)
@@ -132,3 +133,75 @@ def test_gaps_below_the_ground_are_filled_as_in_a_file():
         Scene.from_arrays(None, **AXES, terrain_m=np.zeros(SHAPE[1:]), **given)
     with pytest.raises(UserError, match="12 missing values"):
         Scene.from_arrays(None, **AXES, **given)
+
+
+def _placed(units: str = "m") -> xr.DataArray:
+    """Values that are all different, with the places of CUBE in these units."""
+    places = CUBE["x_m"] / {"m": 1.0, "km": 1000.0}[units]
+    coords = {dim: (dim, places, {"units": units}) for dim in ("z", "y", "x")}
+    return xr.DataArray(np.arange(64.0).reshape(4, 4, 4) * 1e-4, dims=("z", "y", "x"), coords=coords)
+
+
+@pytest.mark.parametrize("units", ["m", "km"])
+def test_values_stand_where_their_coordinates_say(units):
+    array = _placed(units)
+    for other in (array[:, ::-1], array[::-1, :, ::-1], array.isel(x=[2, 0, 3, 1]), array.transpose("x", "z", "y")):
+        found = Scene.from_arrays(other, **CUBE).data.extinction_cloud
+        np.testing.assert_array_equal(found, array.values.astype(np.float32))
+    ground = array[0, ::-1] * 100.0
+    found = Scene.from_arrays(None, **CUBE, terrain_m=ground, surface_albedo=ground).data
+    for name in ("surface_altitude", "surface_albedo"):
+        np.testing.assert_array_equal(found[name], (array[0] * 100.0).astype(np.float32), err_msg=name)
+    heights = 100.0 + 10.0 * array.z / float(array.z.max()) + 0.0 * array + array.y / float(array.y.max())
+    heights.attrs["units"] = "m"
+    turned = Scene.from_arrays(None, **CUBE | {"z_m": heights[:, ::-1]}).grid
+    np.testing.assert_allclose(turned.height_m, heights.values)
+
+
+def test_other_places_than_the_nodes_are_refused():
+    array = _placed()
+    for other in (array.assign_coords(y=array.y + 50.0), array.assign_coords(y=array.y.assign_attrs(units="km"))):
+        with pytest.raises(UserError, match=r"extinction_cloud has its own y, .* asked for at 0 to 300: select"):
+            Scene.from_arrays(other, **CUBE)
+    albedo = xr.DataArray(np.zeros((4, 4, 2)), dims=("y", "x", "wavelength"), coords={"wavelength": [450.0, 600.0]})
+    found = Scene.from_arrays(
+        None, **CUBE, surface_albedo=albedo + albedo.wavelength / 1e3, wavelength_nm=[600.0, 450.0]
+    )
+    np.testing.assert_allclose(found.data.surface_albedo[0, 0], [0.6, 0.45])
+    with pytest.raises(UserError, match="surface_albedo has its own wavelength, 450 to 600 nm"):
+        Scene.from_arrays(None, **CUBE, surface_albedo=albedo, wavelength_nm=[450.0, 610.0])
+
+
+def test_coordinates_that_are_rounded_or_no_places_are_left_as_they_are():
+    """Nodes in float32, numbers of nodes, names, and levels of pressure."""
+    array = _placed()
+    pressure = ("z", [900.0, 850.0, 700.0, 500.0], {"units": "hPa"})
+    others = (
+        array.assign_coords({dim: array[dim].astype(np.float32) * np.float32(1.00001) for dim in array.dims}),
+        array.assign_coords(x=range(4), y=range(1, 5), z=pressure),
+        array.assign_coords(x=list("abcd")),
+        array.drop_vars("z").rename(z="level").assign_coords(level=[60, 59, 58, 57]),
+    )
+    for other in others:
+        found = Scene.from_arrays(other, **CUBE).data.extinction_cloud
+        np.testing.assert_array_equal(found, array.values.astype(np.float32))
+    lon = np.arange(350.0, 354.0)
+    east = array.assign_coords(x=("x", lon, {"units": "degrees_east"}), y=array.y / 100.0)[:, :, ::-1]
+    east.y.attrs["units"] = "degrees"
+    axes = {"x_m": lon - 360.0, "y_m": CUBE["y_m"] / 100.0, "z_m": CUBE["z_m"]}
+    found = Scene.from_arrays(east, **axes, crs="EPSG:4326").data.extinction_cloud
+    np.testing.assert_array_equal(found, array.values.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("written", "wanted", "factor"),
+    [
+        ("kilometers", "m", 1e3), ("Kilometres", "m", 1e3), ("centimetres", "m", 1e-2), ("millimeter", "m", 1e-3),
+        ("km\u207b\u00b9", "m-1", 1e-3), ("1/kilometers", "m-1", 1e-3), ("kilometer-1", "m-1", 1e-3),
+        ("\u03bcm", "nm", 1e3),
+        ("g m\u207b\u00b3", "kg m-3", 1e-3), ("grams/meter^3", "kg m-3", 1e-3), ("cm\u22123", "m-3", 1e6),
+        ("Mm-1", "m-1", 1e-6), ("MM", "m", None), ("centigrade", "m", None),
+    ],
+)  # fmt: skip
+def test_units_are_known_by_their_long_names_and_raised_powers(written, wanted, factor):
+    assert conversion(written, wanted) == (None if factor is None else (factor, 0.0))

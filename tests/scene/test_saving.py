@@ -21,6 +21,7 @@ from openswim.readers.domain.shores import astray
 from openswim.scene import Grid, Optics, Scene
 from openswim.scene.aerosol import AerosolProfile
 from openswim.scene.atmosphere import Atmosphere
+from openswim.scene.files import check_target
 from openswim.scene.phase import HenyeyGreenstein, Mixture, TablePhase
 from openswim.scene.variables import VARIABLES, variable
 
@@ -242,3 +243,33 @@ def test_unwritable(tmp_path):
     with pytest.raises(UserError, match="is a folder"):
         _small().to_zarr(tmp_path / "folder")
     assert (tmp_path / "folder" / "kept").read_text() == "precious"
+
+
+def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path):
+    there = tmp_path / "there"
+    there.mkdir()
+    link, kept = tmp_path / "link.nc", there / "kept.dat"
+    link.symlink_to(kept)
+    for place in ((10.0, 20.0), (30.0, 40.0)):  # not there yet, and there
+        check_target(link)
+        Scene.clear(*place).to_netcdf(link)
+        assert link.is_symlink()
+        assert open_scene(link).place == place
+        assert [each.name for each in there.iterdir()] == ["kept.dat"]
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    for write in (check_target, _small().to_netcdf):
+        with pytest.raises(UserError, match="leads round in a circle"):
+            write(tmp_path / "a")
+
+
+def test_a_protected_file_is_not_replaced(tmp_path):
+    """By its mode: root may write all."""
+    for mode in (0o400, 0o444):
+        target = tmp_path / f"{mode}.nc"
+        target.write_text("precious")
+        target.chmod(mode)
+        for write in (check_target, _small().to_netcdf):
+            with pytest.raises(UserError, match="is write-protected; remove it or choose another name"):
+                write(target)
+        assert target.read_text() == "precious"

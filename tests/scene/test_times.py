@@ -2,6 +2,7 @@
 
 from datetime import UTC, date, datetime, timedelta, timezone
 
+import cftime
 import numpy as np
 import pandas as pd
 import pytest
@@ -92,3 +93,19 @@ def test_what_is_no_time_is_said_in_a_line(time):
 def test_what_floating_point_leaves_out_is_rounded_to_the_millisecond():
     times = np.array(["2024-06-01T11:59:59.999600", "2024-06-01T12:00:00.000499", "NaT"], "datetime64[us]")
     np.testing.assert_array_equal(rounded(times), np.array(["2024-06-01T12", "2024-06-01T12", "NaT"], "datetime64[ms]"))
+
+
+@pytest.mark.parametrize("kind", [cftime.DatetimeNoLeap, cftime.Datetime360Day])
+def test_dates_of_a_models_calendar_are_told(kind):
+    day, real = kind(2005, 8, 28, 18), np.datetime64("2005-08-28T18")
+    with pytest.warns(UserWarning, match="2005-08-28T18:00:00 is of the calendar .*: taken for the day of this name"):
+        assert parse_time(day) == real
+    scene = Scene.clear(46.0, 8.0, time=day)
+    assert scene.time == real
+    assert any("taken for the day of this name" in note for note in scene.notes)
+    assert parse_time(cftime.DatetimeGregorian(2005, 8, 28, 18)) == real  # without a word: warnings are errors
+    for lost in (cftime.Datetime360Day(2005, 2, 30), cftime.DatetimeAllLeap(2005, 2, 29)):
+        with pytest.raises(UserError, match="no day that the sun knows: give a date of the Gregorian"):
+            parse_time(lost)
+    with pytest.raises(UserError, match="calendar julian"):  # 13 days off
+        parse_time(cftime.DatetimeJulian(2005, 8, 28))

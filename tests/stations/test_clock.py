@@ -11,7 +11,7 @@ import xarray as xr
 
 from openswim.cli.main import run
 from openswim.errors import UserError
-from openswim.stations.checks import check_clock, sun_of, told_of_means
+from openswim.stations.checks import check_clock, sun_of, told_of_means, told_of_swap
 
 
 def station(step_min: int = 5, cloudy: bool = False, hours: tuple[int, int] = (0, 24)) -> xr.Dataset:
@@ -77,3 +77,13 @@ def test_the_command_refuses_before_it_compares(tmp_path: Path, capsys: pytest.C
     err = capsys.readouterr().err.strip()
     assert "a.csv: global, direct and diffuse light agree with the sun 2.0 hours before" in err
     assert "\n" not in err
+
+
+@pytest.mark.parametrize("cloudy", [False, True])
+def test_global_and_direct_light_with_each_others_names_are_told(cloudy: bool) -> None:
+    good = station(cloudy=cloudy)
+    assert told_of_swap(good) == ""
+    swapped = good.assign(ghi=good.dni, dni=good.ghi)
+    check_clock(swapped)  # which says nothing
+    assert "agree with dhi and the sun when they are swapped" in told_of_swap(swapped)
+    assert told_of_swap(swapped.drop_vars("dhi")) == ""

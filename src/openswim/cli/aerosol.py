@@ -21,7 +21,7 @@ class FitRequest:
     """What the user asked for, as the options have it."""
 
     modes: tuple[str, ...] = ()
-    by: str = "number"
+    by: str | None = None
     indices: tuple[str, ...] = ()
     irregular: bool = False
     type_name: str | None = None
@@ -57,6 +57,7 @@ def fit(request: FitRequest) -> None:
     """Compute, fit, print; write JSON and picture."""
     from openswim.optics import fit_double_hg
 
+    _check_options(request)
     check_targets([("--json", request.json_path), ("--plot", request.plot_path)])
     if request.plot_path is not None:
         check_plot(request.plot_path, "mie")
@@ -74,6 +75,16 @@ def fit(request: FitRequest) -> None:
             partial.write_text(json.dumps(_described(wavelengths, fits, particles), indent=1) + "\n")
     if request.plot_path is not None:
         _draw(request.plot_path, wavelengths, fits, particles)
+
+
+def _check_options(request: FitRequest) -> None:
+    """Raise UserError where an option would have no effect beside the others, or --json names no JSON file."""
+    for name, value, own, owner in (("--by", request.by, request.modes, "--mode"),
+                                    ("--time", request.time, request.aeronet, "--aeronet")):  # fmt: skip
+        if value is not None and not own:
+            raise UserError(f"{name} {value} belongs to {owner}: leave it out, or give {owner}")
+    if request.json_path is not None and request.json_path.suffix.lower() != ".json":
+        raise UserError(f"--json {request.json_path}: suffix {request.json_path.suffix!r} is unknown; use .json")
 
 
 def _named(request: FitRequest, wavelengths: list[float]) -> _Particles:
@@ -132,7 +143,7 @@ def _mie(request: FitRequest, wavelengths: list[float]) -> _Particles:
         numbers = _numbers("--mode", text)
         if len(numbers) not in (2, 3):
             raise UserError(f"--mode {text}: give RADIUS,STD or RADIUS,STD,AMOUNT, such as 0.1,1.6,1")
-        modes.append(Mode(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 1.0, request.by))
+        modes.append(Mode(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 1.0, request.by or "number"))
     sizes = lognormal_sizes(modes)
     indices = _indices(request.indices, wavelengths)
     found = [

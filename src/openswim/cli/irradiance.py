@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from openswim.stations.aeronet import Sunphotometer
 
 _LOWEST_SUN_DEG = 15.0
+_SAME_TIME_S = 1.0  # that clocks of loggers are off
 _MOST_TIMES = 600_000  # a year of minutes, which is a quarter of an hour of work
 
 
@@ -125,16 +126,17 @@ def _alone(request: IrradianceRequest) -> xr.Dataset:
 def _tell(series: Series, lat: float, lon: float, times: np.ndarray, request: IrradianceRequest) -> None:
     """What the scenes lack, and what their light will take."""
     from openswim.cli.estimate import Pictured, estimate
-    from openswim.lighting import sun_altitude_deg
+    from openswim.lights import sun_position
     from openswim.stations.through_time import WAVELENGTHS_NM, solves
 
     count = solves(series, lat, lon, times)
     scene = series.scene(next(number for number, _ in series.weights(times)))
     tell_notes(scene.notes)
     wavelengths = _options(request).get("wavelengths_nm", WAVELENGTHS_NM)
+    sun = sun_position(times[times.size // 2], lat, lon)  # over the place that is asked for: a flat scene may have none
     one = estimate(
         scene, Pictured((8, 8), request.height_m), request.solver, wavelengths,
-        sun_deg=sun_altitude_deg(scene, times[times.size // 2]),
+        sun_deg=sun.lit_altitude_deg,
     )  # fmt: skip
     click.echo(f"light is solved {count} time{'s' if count > 1 else ''}, each: {one}", err=True)
 
@@ -202,11 +204,9 @@ def _times(request: IrradianceRequest, model: np.ndarray | None) -> np.ndarray:
 
 def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset, np.ndarray | None]:
     """The model and the station at the same times, and which of these had a clear sky."""
-    import numpy as np
-
     import openswim
     from openswim.stations import Series
-    from openswim.stations.checks import check_clock, checked
+    from openswim.stations.checks import check_clock, checked, sun_of
     from openswim.stations.files import read_station
 
     assert request.station is not None
@@ -231,7 +231,11 @@ def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset,
         raise UserError(f"{request.station}: no values within the model's times")
     _tell(scenes, lat, lon, station.time.values, request)
     model = openswim.irradiance(scenes, lat, lon, station.time.values, **_options(request))
-    _print(model, station, np.ones(station.sizes["time"], bool), "all")
+    up = sun_of(station).refracted_altitude_deg > 0
+    if up.any():
+        _print(model, station, up, "sun above the horizon")
+    else:
+        click.echo(f"note: {request.station}: the sun is down at all times: nothing to compare", err=True)
     return model, station, None
 
 
@@ -309,16 +313,17 @@ def _within(request: IrradianceRequest, station: xr.Dataset) -> xr.Dataset:
     return found
 
 
-def _thinned(request: IrradianceRequest, station: xr.Dataset) -> slice:
-    """The station's times that --every leaves."""
+def _thinned(request: IrradianceRequest, station: xr.Dataset) -> np.ndarray:
+    """Which of the station's times --every leaves: the first of each step, counted from the first time."""
     import numpy as np
 
     from openswim.scene.times import interval_s
 
-    if request.every is None or station.sizes["time"] < 2:
-        return slice(None)
-    step_s = (station.time[1] - station.time[0]).values / np.timedelta64(1, "s")
-    return slice(None, None, max(round(interval_s("--every", request.every) / step_s), 1))
+    if request.every is None:
+        return np.arange(station.sizes["time"])
+    since_s = (station.time.values - station.time.values[0]) / np.timedelta64(1, "s")
+    steps = np.floor((since_s + _SAME_TIME_S) / interval_s("--every", request.every))
+    return np.unique(steps, return_index=True)[1]
 
 
 def _print(model: xr.Dataset, station: xr.Dataset, rows: np.ndarray, which: str) -> None:

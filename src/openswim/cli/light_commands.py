@@ -111,8 +111,9 @@ def aerosol_types() -> None:
     help="A lognormal mode: median radius in um, geometric standard deviation (above 1), relative amount (1). "
     "May be given several times.",
 )  # fmt: skip
-@click.option("--by", type=click.Choice(("number", "volume")), default="number", show_default=True,
-              help="What --mode describes: median radius and amount by number or by volume.")  # fmt: skip
+@click.option("--by", type=click.Choice(("number", "volume")),
+              help="What --mode describes: median radius and amount by number or by volume.  "
+              "[default: number]")  # fmt: skip
 @click.option(
     "--index", "indices", multiple=True, metavar="[WAVELENGTH:]N+Ki",
     help="Complex refractive index, such as 1.5+0.01i; one for all, or several such as 440:1.56+0.003i in nm. "

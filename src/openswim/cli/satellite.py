@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from openswim.scene import Scene
 
 _HIGH_M = 36e6  # imagers stand so high, or higher
+_NEAREST_KM, _FARTHEST_KM = 6.6e3, 2e6  # as of Pixels
 _DISC_DEG, _DISC_PIXELS = 0.62, 512  # field of EPIC: the whole disc and a little beside it; its pixels each way
 
 
@@ -75,6 +76,12 @@ def _check_pixels(request: SatelliteRequest) -> None:
                              ("--size", request.size, "--disc")):  # fmt: skip
         if value is not None and ways[own] is None:
             raise UserError(f"{name} belongs to {own}")
+    if request.disc is not None:
+        lat, lon, distance_km = request.disc
+        if not (abs(lat) <= 90 and abs(lon) <= 360 and _NEAREST_KM <= distance_km <= _FARTHEST_KM):
+            told = " ".join(f"{number:g}" for number in request.disc)
+            raise UserError(f"--disc {told}: give latitude within -90..90 and longitude within -360..360 degrees, and "
+                            f"{_NEAREST_KM:g} to {_FARTHEST_KM:g} km from the Earth's centre")  # fmt: skip
     if request.size is not None and not 1 <= request.size <= MAX_SIZE:
         raise UserError(f"--size {request.size}: give 1 to {MAX_SIZE} rows and columns")
     if request.like is None and not request.outputs:
@@ -95,7 +102,6 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
     size = _DISC_PIXELS if request.size is None else request.size
     if request.disc is not None:
         lat, lon, distance_km = request.disc
-        Pixels.disc(lat, lon, 1000 * distance_km, _DISC_DEG, 1)  # checks them
     else:
         whole = named_grid(request.imager, request.grid or "full", request.lon_0)
         lat, lon = 0.0, whole.lon_0

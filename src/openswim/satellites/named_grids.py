@@ -61,6 +61,8 @@ def shown_part(grid: FixedGrid, domain: Grid | None, every: int | None = None) -
     """The rows and columns that show a model's domain, and of these each so many; as many as make a picture of 1000 at
     the most where it is not said. Returns it, and how many."""
     rows, columns = slice(0, grid.y.size), slice(0, grid.x.size)
+    if domain is not None and not domain.curved:
+        raise UserError("a flat scene has no place on Earth for a satellite to look at: give it a crs (grid_mapping)")
     if domain is not None:
         _, ny, nx = domain.shape
         ix, iy = np.meshgrid(np.linspace(0, nx - 1, min(nx, 300)), np.linspace(0, ny - 1, min(ny, 300)))
@@ -72,10 +74,17 @@ def shown_part(grid: FixedGrid, domain: Grid | None, every: int | None = None) -
         rows, columns = (_span(at, size) for at, size in ((row, grid.y.size), (column, grid.x.size)))
         if rows.stop - rows.start < 2 or columns.stop - columns.start < 2:
             raise UserError("the model's domain is not on this grid: choose another, such as --grid full")
+    sides = rows.stop - rows.start, columns.stop - columns.start
+    most = min(sides) - 1
     if every is None:
-        every = -(-max(rows.stop - rows.start, columns.stop - columns.start) // MOST)
+        every = min(-(-max(sides) // MOST), most)
     if every < 1:
         raise UserError(f"--every {every}: give 1 for all pixels, 2 for each second, and so on")
+    if every > most:
+        raise UserError(
+            f"--every {every}: leaves less than two of the {most + 1} rows or columns that show the model's domain: "
+            f"give {most} at most"
+        )
     chosen = (slice(part.start, part.stop, every) for part in (rows, columns))
     return grid.part(*chosen), every
 

@@ -18,6 +18,7 @@ from openswim.system.workshops import replace_folder, workshop
 ZARR_MARKS = (".zgroup", ".zmetadata", "zarr.json")
 _MARKED = 2000  # bytes of a file's beginning that have our mark
 _FULL = (errno.ENOSPC, errno.EDQUOT)
+_ANYBODY_WRITES = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 _PIECE = re.compile(r"\.z(group|array|attrs|metadata)|zarr\.json|\d+(\.\d+)*|c(\.\d+)*")  # files of a Zarr store
 
 
@@ -29,16 +30,15 @@ def check_target(
     Meant to be called before a long computation; `name`: what the message calls the file.
     """
     check_name(path, name)
-    target = Path(path)
-    check_kept(name, target, inputs)
+    check_kept(name, Path(path), inputs)
+    target = _pointed_at(Path(path), name)
     with _writable_beside(target, name):
         _check_no_device(target, name)
         if _others_folder(target):
             raise UserError(f"{name} {target} is a folder, not a Zarr store; choose another name")
         if target.is_dir():
             _check_own(target, name)
-        if target.exists() and not os.access(target, os.W_OK):
-            raise UserError(f"{name} {target} is write-protected; remove it or choose another name")
+        _check_unprotected(target, name)
 
 
 def check_targets(
@@ -116,6 +116,24 @@ def _check_no_device(target: Path, name: str) -> None:
             raise UserError(f"{name} {target}: is a pipe, device or socket, and would be replaced; choose another name")
 
 
+def _check_unprotected(target: Path, name: str) -> None:
+    """Raise UserError where a file may not be written, which a new one in its place would get around."""
+    if not os.path.exists(target):
+        return
+    if not (os.access(target, os.W_OK) and target.stat().st_mode & _ANYBODY_WRITES):  # root may all
+        raise UserError(f"{name} {target} is write-protected; remove it or choose another name")
+
+
+def _pointed_at(target: Path, name: str) -> Path:
+    """What a symbolic link leads to, there or not yet; any other name as it is."""
+    if not os.path.islink(target):  # False of names that are too long, too
+        return target
+    found = Path(os.path.realpath(target))
+    if os.path.islink(found):
+        raise UserError(f"{name} {target}: is a symbolic link that leads round in a circle; choose another name")
+    return found
+
+
 def _same(one: Path, other: Path) -> bool:
     """Whether two names stand for one file or folder, there or not yet."""
     try:
@@ -133,12 +151,13 @@ def _others_folder(target: Path) -> bool:
 def written_whole(path: str | os.PathLike[str], own_folder: bool = False) -> Iterator[Path]:
     """Yield a temporary name in the folder of `path`; on success it is renamed to `path`, on failure removed.
 
-    Works for files and for Zarr folders. Raises UserError where the name cannot be written. own_folder: a folder of
-    this name is known to be ours, whatever it holds.
+    Works for files and for Zarr folders. A symbolic link stays, and what it leads to is written. Raises UserError where
+    the name cannot be written. own_folder: a folder of this name is known to be ours, whatever it holds.
     """
     check_name(path, "output")
-    target = Path(path)
+    target = _pointed_at(Path(path), "output")
     _check_no_device(target, "output")
+    _check_unprotected(target, "output")
     with ExitStack() as stack:
         try:
             if not own_folder and _others_folder(target):
@@ -150,7 +169,7 @@ def written_whole(path: str | os.PathLike[str], own_folder: bool = False) -> Ite
             )
             raise UserError(f"{target}: cannot be written ({error.strerror}): {remedy}") from error
         try:
-            partial = made / target.name
+            partial = made / Path(path).name  # a link's own, whose suffix is the one that was asked for
             yield partial
             if target.is_dir() and partial.is_dir():
                 if not own_folder:

@@ -20,6 +20,7 @@ from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset, fill_below_gr
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.ground import Ground
 from openswim.scene.labels.dimensions import ordered
+from openswim.scene.labels.places import Axis, aligned
 from openswim.scene.labels.units import STATE, canonical, converted, in_units
 from openswim.scene.oddities.values import odd_time
 from openswim.scene.optics import Optics
@@ -82,8 +83,9 @@ class Scene:
         if self.wider is not None:
             _check_wider(self.grid, self.wider.grid)
         self.data, repairs = checked_dataset(self.data, self.grid)
-        self.time = parse_time(self.time)
-        odd = check_plausible(self.data, self.grid) + odd_time(self.time)
+        told: list[str] = []
+        self.time = parse_time(self.time, told)
+        odd = check_plausible(self.data, self.grid) + told + odd_time(self.time)
         self.notes = list(dict.fromkeys(one_line(" ".join(note.split())) for note in [*self.notes, *repairs, *odd]))
         self.source = one_line(" ".join(self.source.split()))
         direct = [
@@ -171,6 +173,8 @@ class Scene:
         extinction_per_m : (nz, ny, nx) extinction [m-1] at nodes, trilinear between them; or a dict of such
             arrays by species name (None for none). A bare array is the species "cloud". DataArrays, here
             and below, may have their dimensions z, y, x in any order, and are converted from the units that they say.
+            Where their coordinates are the nodes in another order, values are put where they belong; other places
+            than the nodes are refused.
         x_m, y_m, z_m : node coordinates [m] (x_m and y_m in the units of `crs` where one is given);
             z_m is (nz,) or (nz, ny, nx).
         single_scattering_albedo, phase, kind : for all species, or dicts by name. Default phase: HG, g = .85.
@@ -185,10 +189,14 @@ class Scene:
         """
         projection = _projection(crs)
         x, y = (_across(name, values, projection) for name, values in (("x_m", x_m), ("y_m", y_m)))
-        z = _in_units("z_m", z_m, LEVEL_DIMS if getattr(z_m, "ndim", 1) == 3 else ("z",), "m")
+        unit = "degrees" if projection is not None and projection.is_geographic else "m"
+        axes: dict[str, Axis] = {"x": (x, unit), "y": (y, unit)}
+        z = _in_units("z_m", z_m, LEVEL_DIMS if getattr(z_m, "ndim", 1) == 3 else ("z",), "m", axes)
         if z.ndim == 3:  # Grid keeps float32 as it is, and this is the caller's
             z = np.array(z, np.float32, order="C")
         grid = Grid(x, y, z, projection, earth_radius_m, periodic)
+        if z.ndim == 1:
+            axes["z"] = (z, "m")
         extinction_per_m = {} if extinction_per_m is None else extinction_per_m
         extinctions = extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
         optics = {
@@ -205,14 +213,14 @@ class Scene:
         if terrain_m is not None:
             arrays["surface_altitude"] = terrain_m
         told: list[str] = []
-        data = _fields(arrays, grid, told)
+        data = _fields(arrays, grid, axes, told)
         notes = _taken(grid, data, atmosphere, surface_albedo) + told
         if atmosphere == "default":
             atmosphere = Atmosphere.us_standard() if grid.curved else None
         if surface_albedo is None and not grid.curved and "surface_albedo" not in data:
             surface_albedo = 0.0
         if surface_albedo is not None:
-            data["surface_albedo"] = _albedo(surface_albedo, grid)
+            data["surface_albedo"] = _albedo(surface_albedo, grid, axes | _spectral_axis(wavelength_nm))
         data = _with_wavelengths(data, wavelength_nm)
         if place is not None:
             data = data.assign_coords(dict(zip(("latitude", "longitude"), _checked_place(place), strict=True)))
@@ -239,7 +247,9 @@ class Scene:
             Default: that of the US standard.
         """
         lat, lon = _checked_place((lat, lon))
-        albedo = _in_units("surface_albedo", surface_albedo, (WAVELENGTH_DIM,), "1").astype(np.float32)
+        albedo = _in_units(
+            "surface_albedo", surface_albedo, (WAVELENGTH_DIM,), "1", _spectral_axis(wavelength_nm)
+        ).astype(np.float32)
         if albedo.ndim > 1:
             raise UserError(f"scene: surface_albedo has shape {albedo.shape}; it must be a number or (wavelengths)")
         data = xr.Dataset(
@@ -338,27 +348,27 @@ def _across(name: str, values: Any, projection: CRS | None) -> NDArray[Any]:
     return converted(f"scene: {name}", array, "degrees" if angles else "m")
 
 
-def _fields(arrays: Mapping[str, Any], grid: Grid, notes: list[str]) -> xr.Dataset:
+def _fields(arrays: Mapping[str, Any], grid: Grid, axes: Mapping[str, Axis], notes: list[str]) -> xr.Dataset:
     """Arrays by name of a variable, in its units and its order of dimensions."""
     given: dict[str, NDArray[Any]] = {}
     fields: dict[str, xr.DataArray] = {}
     for name in sorted(arrays, key=lambda name: name not in STATE):  # mixing ratios need pressure and temperature
         spec = variable(name)
-        array = _labelled(name, arrays[name], spec.dims)
+        array = _labelled(name, arrays[name], spec.dims, axes)
         shape = grid.shape[3 - len(spec.dims) :]
         if array.shape != shape:
-            raise UserError(
-                f"scene: {name} has shape {array.shape}; on this grid ({', '.join(spec.dims)}) is {shape}"
-            )
+            raise UserError(f"scene: {name} has shape {array.shape}; on this grid ({', '.join(spec.dims)}) is {shape}")
         given[name] = array.values
         fields[name] = in_units(name, array, spec.units, fields, notes)
     fill_below_ground(fields, grid, notes)
     return xr.Dataset({name: (field.dims, _own(field.values, given[name])) for name, field in fields.items()})
 
 
-def _labelled(name: str, values: Any, dims: Sequence[str]) -> xr.DataArray:
-    """Numbers with these dimensions, and with the units that they say; nothing else of what they are labelled with."""
-    array = numbers(f"scene: {name}", ordered(f"scene: {name}", values, dims))
+def _labelled(name: str, values: Any, dims: Sequence[str], axes: Mapping[str, Axis] | None = None) -> xr.DataArray:
+    """Numbers with these dimensions, in the order of the axes, and with the units that they say; nothing else of what
+    they are labelled with."""
+    what = f"scene: {name}"
+    array = numbers(what, aligned(what, ordered(what, values, dims), dims, axes or {}))
     said = values.attrs if isinstance(values, xr.DataArray) else {}
     names = dims if array.ndim == len(dims) else [f"axis {number}" for number in range(array.ndim)]
     return xr.DataArray(array, dims=names, attrs={"units": said["units"]} if "units" in said else {})
@@ -369,14 +379,18 @@ def _own(values: NDArray[Any], given: NDArray[Any]) -> NDArray[np.float32]:
     return values.astype(np.float32, order="C", copy=np.may_share_memory(values, given))
 
 
-def _in_units(name: str, values: Any, dims: Sequence[str], units: str) -> NDArray[Any]:
+def _in_units(
+    name: str, values: Any, dims: Sequence[str], units: str, axes: Mapping[str, Axis] | None = None
+) -> NDArray[Any]:
     """Numbers in the units that a scene has them in."""
-    return converted(f"scene: {name}", _labelled(name, values, dims), units)
+    return converted(f"scene: {name}", _labelled(name, values, dims, axes), units)
 
 
-def _albedo(surface_albedo: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDArray[np.float32]]:
+def _albedo(
+    surface_albedo: ArrayLike, grid: Grid, axes: Mapping[str, Axis]
+) -> tuple[tuple[str, ...], NDArray[np.float32]]:
     dims = (*SURFACE_DIMS, WAVELENGTH_DIM) if getattr(surface_albedo, "ndim", 2) == 3 else SURFACE_DIMS
-    albedo = _in_units("surface_albedo", surface_albedo, dims, "1").astype(np.float32)
+    albedo = _in_units("surface_albedo", surface_albedo, dims, "1", axes).astype(np.float32)
     if albedo.ndim == 0:
         albedo = np.full(grid.shape[1:], albedo)
     if albedo.ndim not in (2, 3) or albedo.shape[:2] != grid.shape[1:]:
@@ -391,11 +405,19 @@ def _albedo(surface_albedo: ArrayLike, grid: Grid) -> tuple[tuple[str, ...], NDA
 def _with_wavelengths(data: xr.Dataset, wavelength_nm: ArrayLike | None) -> xr.Dataset:
     if WAVELENGTH_DIM not in data.dims:
         return data
-    given = DEFAULT_WAVELENGTH_NM if wavelength_nm is None else wavelength_nm
-    wavelengths = _in_units("wavelength_nm", given, (WAVELENGTH_DIM,), "nm").astype(np.float64)
+    wavelengths = _wavelengths(wavelength_nm)
     if wavelengths.shape != (data.sizes[WAVELENGTH_DIM],):
         raise UserError(
             f"scene: surface_albedo has {data.sizes[WAVELENGTH_DIM]} wavelengths; wavelength_nm lists "
             f"{wavelengths.size}"
         )
     return data.assign_coords({WAVELENGTH_DIM: wavelengths})
+
+
+def _wavelengths(wavelength_nm: ArrayLike | None) -> NDArray[np.float64]:
+    given = DEFAULT_WAVELENGTH_NM if wavelength_nm is None else wavelength_nm
+    return _in_units("wavelength_nm", given, (WAVELENGTH_DIM,), "nm").astype(np.float64)
+
+
+def _spectral_axis(wavelength_nm: ArrayLike | None) -> dict[str, Axis]:
+    return {WAVELENGTH_DIM: (_wavelengths(wavelength_nm), "nm")}

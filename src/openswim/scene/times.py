@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from datetime import UTC, date, datetime
 from typing import Any
 
@@ -20,10 +21,12 @@ _STAMP = re.compile(  # Python would take any sign between day and hour, and 12.
 )
 _LEAP_SECOND = re.compile(r"(?<=59)(:?)60([.,]\d+)?")
 _ZONE = re.compile(r"(since\s+\d+-\d+-\d+[T\s]+\d\d?(?::\d\d?(?::\d\d?(?:\.\d*)?)?)?)\s+(\d\d?:\d\d)\s*$")
+REAL_CALENDARS = ("standard", "gregorian", "proleptic_gregorian", "")
+SAME_NAMES = ("noleap", "365_day", "all_leap", "366_day", "360_day")  # calendars whose dates are called as real ones
 _UNITS_S = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 
 
-def parse_time(time: Time) -> np.datetime64 | None:
+def parse_time(time: Time, notes: list[str] | None = None) -> np.datetime64 | None:
     """A time as datetime64[ms], UTC; accepts ISO text (with "Z" or an offset), datetime and datetime64, arrays of one
     without dimensions, and the start of a period of pandas. Leap seconds, which no clock of ours has, end the second
     before."""
@@ -34,9 +37,31 @@ def parse_time(time: Time) -> np.datetime64 | None:
         stamp = _of_text(alone.strip()) if isinstance(alone, str) else alone
         if isinstance(stamp, datetime) and stamp.tzinfo is not None:
             stamp = stamp.astimezone(UTC).replace(tzinfo=None)
+        told = _told_of_calendar(stamp)
+        if told and notes is None:
+            warnings.warn(told, stacklevel=2)
+        elif told and notes is not None:
+            notes.append(told)
         return np.datetime64(stamp).astype("datetime64[ms]")
     except (ValueError, OverflowError, TypeError) as error:
         raise UserError(f"time {shown(time)} is not understood: write it as 2005-08-28T18:00 (UTC)") from error
+
+
+def _told_of_calendar(stamp: Any) -> str:
+    """What is to be told of a date of cftime; raises UserError where there is no day of this name."""
+    calendar = str(getattr(stamp, "calendar", ""))
+    if calendar in REAL_CALENDARS:
+        return ""
+    day = stamp.isoformat()
+    try:
+        date(stamp.year, stamp.month, stamp.day)
+        known = calendar in SAME_NAMES
+    except ValueError:
+        known = False
+    if not known:
+        raise UserError(f"time {day} is of the calendar {calendar}, and no day that the sun knows: give a date of the "
+                        "Gregorian calendar")  # fmt: skip
+    return f"time {day} is of the calendar {calendar}: taken for the day of this name in the Gregorian one"
 
 
 def _alone(time: Any) -> Any:

@@ -26,6 +26,7 @@ RARE = {
     "dhi": (-2.0, 0.75, 1.2, 30.0),
     "dni": (-2.0, 0.95, 0.2, 10.0),
 }
+_HIGH_DEG = 10.0  # sun by which global and direct light are told apart
 _DIM_W_M2 = 50.0  # below it parts are not compared
 _BEAM_W_M2, _MOST_BEAMS, _FEWEST_BEAMS = 200.0, 60, 12  # values of direct light that tell where the sun is
 _MINUTES_STEP = 10
@@ -109,6 +110,32 @@ def told_of_means(station: xr.Dataset) -> str:
     side = "before" if found.minutes < 0 else "after"
     return (f"values seem to be means over the {apart:g} minutes {side} their times, and a model's are of the moment: "
             f"move the times by {found.minutes:+d} minutes to the middle")  # fmt: skip
+
+
+def told_of_swap(station: xr.Dataset) -> str:
+    """What is to be told of columns of global and direct light that have each other's names, as diffuse light says."""
+    if not {"ghi", "dni", "dhi"} <= set(station):
+        return ""
+    ghi, dni, dhi = (station[name].values for name in ("ghi", "dni", "dhi"))
+    rows = np.flatnonzero(np.isfinite(ghi + dni + dhi) & (np.maximum(ghi, dni) > _DIM_W_M2))
+    if rows.size < _FEWEST_BEAMS:
+        return ""
+    rows = rows[np.unique(np.linspace(0, rows.size - 1, _MOST_BEAMS).astype(int))]
+    altitude = sun_of(station.isel(time=rows)).refracted_altitude_deg
+    high = altitude > _HIGH_DEG
+    if high.sum() < _FEWEST_BEAMS:
+        return ""
+    ghi, dni, dhi = (values[rows][high] for values in (ghi, dni, dhi))
+    mu0 = np.sin(np.radians(altitude[high]))
+    as_it_is, swapped = (
+        float(np.median(np.abs(level - dhi - beam * mu0)) / np.median(level + dhi))
+        for level, beam in ((ghi, dni), (dni, ghi))
+    )
+    if as_it_is < _FAR or swapped > _NEAR or as_it_is < _TIMES_BETTER * swapped:
+        return ""
+    return (
+        "ghi and dni agree with dhi and the sun when they are swapped, and not as they are: see which column is which"
+    )
 
 
 class _SunByBeam(NamedTuple):

@@ -20,7 +20,7 @@ from openswim.arguments import number, shown
 from openswim.errors import UserError
 from openswim.scene.times import parse_time
 from openswim.stations.arm import read_arm
-from openswim.stations.checks import sun_of, told_of_means
+from openswim.stations.checks import sun_of, told_of_means, told_of_swap
 from openswim.stations.columns import check_names, columns_of, not_understood
 from openswim.stations.text import PLACES, head_of, names_in, rows_of, text_of, told_of_end, told_of_lost
 from openswim.system.inputs import check_ordinary, lines_of
@@ -99,7 +99,7 @@ def read_station(
     data = _without_doubles(path, data[keep].sortby("time"))
     data = data.assign_attrs({"height_m": 0.0} | place | {"network": kind, "source": path.name})
     told = [data.attrs.pop("note", "") or ("" if kind == "ARM" else told_of_end(path)), data.attrs.pop(_LEFT_OUT, "")]
-    told.append(told_of_means(data))
+    told += [told_of_means(data), told_of_swap(data)]
     if any(told):
         data.attrs["note"] = "; ".join(filter(None, told))
     _check_bright(path, data)

@@ -31,9 +31,11 @@ class Planes:
             pairs = numbers("planes", list(given)).reshape(-1, 2).astype(float)
         except (TypeError, ValueError):
             pairs = np.full((1, 2), np.nan)
-        tilt, azimuth = pairs.T
-        if not (np.isfinite(azimuth).all() and ((tilt >= 0) & (tilt <= 180)).all()):
-            raise UserError(f"planes {shown(given)}: give pairs (tilt within 0..180, azimuth) in degrees")
+        tilt, azimuth = pairs.T + 0.0  # without the sign of -0
+        if not ((np.abs(azimuth) <= 360) & (tilt >= 0) & (tilt <= 180)).all():
+            raise UserError(
+                f"planes {shown(given)}: give pairs (tilt within 0..180, azimuth within -360..360) in degrees"
+            )
         return cls(tilt, azimuth)
 
     def __len__(self) -> int:

@@ -60,7 +60,7 @@ def in_kilometres(reference: Reference) -> Reference:
         units = str(data[name].attrs.get("units", "")) if name in data.variables else ""
         if not units:
             continue
-        found = conversion(re.sub("kilomet(er|re)s?", "km", units), metres)
+        found = conversion(units, metres)
         if found is None:
             raise UserError(f"{where}: {name} is in {shown(units)}: give it in {'km' if metres == 'm' else 'km-1'}")
         if found[0] * factor != 1:

@@ -22,7 +22,7 @@ from openswim.readers.common.members import MEMBER_DIMS, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.scene.labels.units import check_decimals, conversion, has_value
-from openswim.scene.times import Time, rounded
+from openswim.scene.times import REAL_CALENDARS, SAME_NAMES, Time, rounded
 
 _SINGLES = (*MEMBER_DIMS, "bnds")
 _SECONDS = {
@@ -43,6 +43,7 @@ class Part:
     elapsed: bool = False  # times count from a start that the file does not date
     clock: str = ""  # the variable that times are read from
     early: frozenset[Any] = frozenset()  # of these times, before the date that they are counted from
+    calendar: str = ""  # a model's own, whose days are taken for those of the same name
 
 
 class FileSet:
@@ -91,6 +92,11 @@ class FileSet:
         self._chosen = [_choice(part, self.time) for part in self.parts]
         early = any(self.time in part.early for part in self.parts)
         notes = [f"{self.time} is before the date that the file counts from: is it what it means?"] if early else []
+        notes += [
+            f"times are of the calendar {part.calendar}: taken for those of the same name in the Gregorian one"
+            for part in self.parts
+            if part.calendar
+        ]
         ensembles = [any(dim in part.data.dims for dim in MEMBER_DIMS) for part in self.parts]
         if member is not None and not any(ensembles):
             raise UserError(f"{self.path}: no ensemble members in it: leave out member (--member)")
@@ -178,8 +184,12 @@ def _part(path: Path, data: xr.Dataset) -> Part:
         return Part(path, data, dims, np.datetime64(0, "ms") + _milliseconds(seconds), True, str(clock.name))
     if "since" not in units:
         units = f"{units or 'seconds'} since {origin[:19]}"
-    times = dates_of(path, stamps, units, str(clock.attrs.get("calendar", "standard")))
-    return Part(path, data, dims, times, clock=str(clock.name), early=frozenset(times[stamps.astype(np.float64) < 0]))
+    calendar = str(clock.attrs.get("calendar", "standard")).lower()
+    times = dates_of(path, stamps, units, calendar)
+    return Part(
+        path, data, dims, times, clock=str(clock.name), early=frozenset(times[stamps.astype(np.float64) < 0]),
+        calendar=calendar if calendar in SAME_NAMES else "",
+    )  # fmt: skip
 
 
 def _choice(part: Part, time: np.datetime64 | None) -> dict[Any, int] | None:
@@ -233,6 +243,8 @@ def dates_of(path: Path, stamps: NDArray[Any], units: str, calendar: str) -> Tim
     if not np.isfinite(stamps.astype(np.float64)).all():
         raise UserError(f"{path}: times are missing (NaN or fill): damaged file")
     try:
+        if calendar not in REAL_CALENDARS + SAME_NAMES:  # such as julian, 13 days off
+            raise ValueError(calendar)
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # of years before any calendar
             dates = cftime.num2date(stamps.astype(np.float64), plain, calendar, True, True)

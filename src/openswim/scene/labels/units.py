@@ -42,22 +42,10 @@ _CONVERSIONS: dict[str, dict[str, tuple[float, float]]] = {
     },
 }  # fmt: skip
 _SPELLING = {
-    "meter": "m",
-    "meters": "m",
-    "metre": "m",
-    "metres": "m",
     "micron": "um",
     "microns": "um",
-    "micrometer": "um",
-    "micrometers": "um",
-    "micrometre": "um",
-    "micrometres": "um",
     "\u00b5m": "um",
     "\u03bcm": "um",
-    "nanometer": "nm",
-    "nanometers": "nm",
-    "nanometre": "nm",
-    "nanometres": "nm",
     "L-1": "l-1",
     "pascal": "Pa",
     "mb": "mbar",
@@ -99,14 +87,33 @@ _SPELLING = {
 
 
 _LONGEST = 200  # characters
-_TERMS = {"meter": "m", "meters": "m", "metre": "m", "metres": "m", "second": "s", "seconds": "s", "\u00b5g": "ug"}
+_PREFIXES = {"": "", "kilo": "k", "centi": "c", "milli": "m", "micro": "u", "nano": "n"}
+_TERMS = {
+    "second": "s",
+    "seconds": "s",
+    "\u00b5g": "ug",
+    "\u03bcg": "ug",
+    "\u00b5m": "um",
+    "\u03bcm": "um",
+    **{
+        f"{prefix}{word}{plural}": f"{short}{letter}"
+        for prefix, short in _PREFIXES.items()
+        for word, letter in {"meter": "m", "metre": "m", "gram": "g", "gramme": "g"}.items()
+        for plural in ("", "s")
+    },
+}
+_RAISED = str.maketrans(  # powers that stand above the line; and the sign of minus
+    "\u207b\u2212\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079", "--0123456789"
+)
+_WORD = re.compile(r"^[A-Za-z\u00b5\u03bc]+")
 
 
 def canonical(units: str) -> str:
     """One spelling of a unit: "kg/m^3", "kg/(m^3)", "kg m**-3" and "kg.m-3" all become "kg m-3"."""
     if len(units) > _LONGEST:  # no unit, and patience of its own
         return units[:_LONGEST]
-    text = re.sub(r"\*\*|\^", "", units.strip()).replace(".", " ").replace("*", " ").replace("#", "1")
+    plain = units.strip().translate(_RAISED)
+    text = re.sub(r"\*\*|\^", "", plain).replace(".", " ").replace("*", " ").replace("#", "1")
     above, _, below = text.partition("/")
     terms = [term for term in above.split() if term != "1"]
     terms += [
@@ -115,8 +122,7 @@ def canonical(units: str) -> str:
         if term
     ]
     terms = terms or ["1"]
-    if len(terms) > 1:  # single ones are in the table
-        terms = [re.sub(r"^[a-z\u00b5]+", lambda word: _TERMS.get(word[0], word[0]), term) for term in terms]
+    terms = [_WORD.sub(lambda word: _TERMS.get(word[0], _TERMS.get(word[0].lower(), word[0])), term) for term in terms]
     joined = " ".join(terms)
     return _SPELLING.get(joined, _SPELLING.get(joined.lower(), joined))
 
