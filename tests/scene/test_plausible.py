@@ -94,7 +94,6 @@ def test_what_no_atmosphere_has_is_refused_with_its_smell(changed, words):
         ({"liquid_number": np.full(31, 1e11)}, "liquid_number is 1e+11 m-3 at most"),
         ({"height": HEIGHT + 900.0}, "the lowest level is 910 m above sea level"),
         ({"crs": "EPSG:4326", "x": 2.5 * np.arange(4), "y": 0.25 * np.arange(4)}, "cells of 2.5 x 0.25 degrees"),
-        ({"cloud_area_fraction": np.full(31, 0.01)}, "cloud_area_fraction is 0.01 at most"),
         ({"aerosol_extinction": 4e-3 * np.exp(-HEIGHT / 1e3)}, "aerosol has an optical depth of 4"),
         ({"y": 1e4 * np.arange(4)}, "cells of 1e+03 x 1e+04 m"),
         ({"air_pressure": lambda p: 0.87 * p}, "0.87 times that of the standard atmosphere at 10 m"),

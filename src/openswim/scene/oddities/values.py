@@ -13,7 +13,6 @@ _FAINT_KG_M3 = {  # the most of a species in a domain that has any: under it is 
 }  # fmt: skip
 _MOST_DROPS = 2e10  # in m3, four times as many as in clouds of fires
 _FEW_NODES = 16  # so small fields may be even
-_LEAST_COVER = 0.0105  # in any place: less is a percentage that was divided by 100 twice
 _UNEVEN = ("_content", "cloud_area_fraction", "_10m", "air_temperature")  # fields that weather makes so
 _FEW_ROWS = 4
 _UNEVEN_WINDS = 300.0  # times as strong along one axis as along the other
@@ -54,8 +53,6 @@ def odd_values(data: xr.Dataset, columns: tuple[int, int]) -> list[str]:
                 units = data[field].attrs.get("units", "1")
                 value = f"{low:.3g}" if units == "1" else f"{low:.3g} {units}"
                 notes.append(f"{field} is {value} everywhere: is it known?")
-        if field.endswith("_area_fraction") and 0 < float(data[field].max()) < _LEAST_COVER:
-            notes.append(f"{field} is {float(data[field].max()):.2g} at most: is it in the unit that the file says?")
     if "air_temperature" in data and _whole(data["air_temperature"].values):
         notes.append("air_temperature holds whole degrees alone: were its decimals cut?")
     if "wind_east_10m" in data and "wind_north_10m" in data:
