@@ -188,11 +188,29 @@ def test_diffuse_albedo_of_water():
 
 
 def test_mirror_is_flat_where_steep_and_raised_at_the_horizon():
-    reflectance, sky_mu = water.mirrored_sky([1.0, 0.7, 0.02], water.mean_square_slope(5.0))
+    reflectance, sky_mu, kept = water.mirrored_sky([1.0, 0.7, 0.02], water.mean_square_slope(5.0))
     np.testing.assert_allclose(reflectance[:2], water.fresnel_reflectance([1.0, 0.7]), rtol=0.1)
     assert sky_mu[0] > 0.93
     assert 0.1 < sky_mu[2] < 0.35
     assert 0.25 < reflectance[2] < 0.6
+    assert kept[0] == pytest.approx(0, abs=1e-9)
+    assert kept[2] == 1
+
+
+def test_water_mirrors_a_sky_as_bright_on_both_sides_of_the_nadir():
+    """Whatever the sky is like: facets on all sides are seen there. Seen aslant it mirrors what lies ahead."""
+    water_alone = sample(2, wet=1.0)
+
+    def sky(which, mu, azimuth):
+        return np.repeat((1 + 0.5 * np.sqrt(1 - mu**2) * np.cos(azimuth))[:, None], 3, axis=1)
+
+    none = np.zeros((2, 3))
+    for angle_deg in (0.1, 10.0, 50.0):
+        mu = np.cos(np.radians(angle_deg))
+        ahead, behind = reflected_radiance(water_alone, WAVELENGTHS, 0.6, [mu, mu], [np.pi, 0.0], none, none, sky)
+        leads = 0.5 * np.sin(np.radians(angle_deg))  # on across, as a flat mirror would
+        np.testing.assert_allclose(ahead / behind - 1, (1 + leads) / (1 - leads) - 1, rtol=0.1)
+
 
 
 def test_lambertian_radiance():

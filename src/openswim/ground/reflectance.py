@@ -60,7 +60,7 @@ def diffuse_reflectance(sample: SurfaceSample, mu_view: ArrayLike, wavelengths_n
     if sample.lambertian:
         return sample.albedo.copy()
     foam = water.foam_fraction(sample.wind_speed)
-    mirror, _ = water.mirrored_sky(mu_view, sample.slope_variance)
+    mirror, *_ = water.mirrored_sky(mu_view, sample.slope_variance)
     wet = ((1 - foam) * mirror)[:, None] + _water_body(sample, foam, wavelengths_nm)
     return sample.albedo + sample.water[:, None] * (wet - sample.albedo)
 
@@ -102,8 +102,12 @@ def reflected_radiance(
     if wet.size:
         some, flux = sample[wet], diffuse_flux[wet]
         foam = water.foam_fraction(some.wind_speed)
-        mirror, sky_mu = water.mirrored_sky(mu_view[wet], some.slope_variance)
+        mirror, sky_mu, kept = water.mirrored_sky(mu_view[wet], some.slope_variance)
         sky = sky_radiance(wet, sky_mu, np.pi - azimuth[wet])
+        steep = np.flatnonzero(kept < 1)
+        if steep.size:  # what the sky on the other side differs by
+            other = sky_radiance(wet[steep], sky_mu[steep], azimuth[wet[steep]])
+            sky[steep] += 0.5 * (1 - kept[steep])[:, None] * (other - sky[steep])
         seen = ((1 - foam) * mirror)[:, None] * sky + 4 * _water_body(some, foam, wavelengths_nm) * flux
         out[wet] += some.water[:, None] * (seen - 4 * some.albedo * flux)
     return out

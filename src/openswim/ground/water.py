@@ -37,6 +37,7 @@ def mean_square_slope(wind_speed_m_s: ArrayLike) -> FloatArray:
 
 
 _VARIANCE_NODES = mean_square_slope([0.0, 1.0, 2.0, 4.0, 7.0, 11.0, 16.0, 24.0, 36.0])  # of these winds, m/s
+_KEPT = 0.96  # seen along the sea waves keep so much of azimuth, which is all that matters
 
 
 def foam_fraction(wind_speed_m_s: ArrayLike) -> FloatArray:
@@ -82,8 +83,9 @@ def glint(mu0: Any, mu: Any, cos_beta: Any, mirrored: Any, hidden: Any, variance
     return np.pi * mirrored * density / (1 + hidden) / (4 * mu * mu0 * cos_beta**4)
 
 
-def mirrored_sky(mu_view: ArrayLike, slope_variance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Reflectance of the waves seen along `mu_view` (n,), and the mean mu of the sky they mirror.
+def mirrored_sky(mu_view: ArrayLike, slope_variance: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Reflectance of the waves seen along `mu_view` (n,), the mean mu of the sky they mirror, and how much of what
+    this differs with azimuth they keep: nothing seen straight down, where facets on all sides mirror the sky all round.
 
     Averages over the facets that face the viewer, of slopes that are Gaussian; near the horizon a sea under
     5 m/s wind mirrors the sky 12 degrees up with half of flat water's reflectance.
@@ -98,7 +100,8 @@ def mirrored_sky(mu_view: ArrayLike, slope_variance: ArrayLike) -> tuple[FloatAr
     value = (1 - fk) * ((1 - fi) * tables[:, k0, i0] + fi * tables[:, k0, i0 + 1]) + fk * (
         (1 - fi) * tables[:, k0 + 1, i0] + fi * tables[:, k0 + 1, i0 + 1]
     )
-    return value[0], value[1]
+    kept = value[2] * np.sqrt((1 - mu**2) / np.maximum(1 - value[1] ** 2, 1e-6))
+    return value[0], value[1], np.clip(kept / _KEPT, 0.0, 1.0)
 
 
 def isotropic_sky_albedo(slope_variance: ArrayLike) -> FloatArray:
@@ -110,14 +113,15 @@ def isotropic_sky_albedo(slope_variance: ArrayLike) -> FloatArray:
 
 @cache
 def _mirror_tables() -> FloatArray:
-    """(reflectance, mean mirrored mu) on (slope variance, mu) nodes.
+    """(reflectance, mean mirrored mu, how far mirrored ways lead on across, over what the view's do) on nodes of (slope
+    variance, mu).
 
     Facets weigh by their slope density and the area they show, max(cos omega, 0) / cos beta, and by what of their light
     comes past a second wave (`returned`); that from below the horizon counts as from just above it.
     """
     u = (np.arange(80) + 0.5) / 80  # slope tan(beta) = s sqrt(-ln(1 - u)): equal shares of the density
     azimuth = (np.arange(48) + 0.5) * 2 * np.pi / 48
-    tables = np.empty((2, _VARIANCE_NODES.size, _MU_NODES.size))
+    tables = np.empty((3, _VARIANCE_NODES.size, _MU_NODES.size))
     mu = _MU_NODES[:, None, None]
     sine = np.sqrt(1 - mu**2)
     for k, variance in enumerate(_VARIANCE_NODES):
@@ -131,6 +135,9 @@ def _mirror_tables() -> FloatArray:
         reflected = mirrored.sum(axis=(1, 2))
         tables[0, k] = reflected / weight.sum(axis=(1, 2))
         tables[1, k] = (mirrored * np.maximum(sky_mu, LEAST_MU)).sum(axis=(1, 2)) / reflected
+        away = sine + 2 * cos_omega * cos_beta * slope * np.cos(azimuth)
+        tables[2, k] = (mirrored * away).sum(axis=(1, 2)) / (reflected * np.maximum(sine[:, 0, 0], 1e-6))
+    tables[2, :, -1] = tables[2, :, -2]  # straight down nothing leads on
     return tables
 
 
