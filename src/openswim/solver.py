@@ -94,10 +94,11 @@ class Solver(Options):
         """The light of ``scene`` as a function of what its nodes are filled with, with tangent linear and adjoint
         (docs/linear.md).
 
-        Of the solver only the quality, for its ordinates, and the step count, whatever its name is.
+        Of the solver only the quality, for its ordinates, and the step count, whatever its name is; and the tolerance
+        where that is "linear".
 
         views: rays of an eye each, in the scene frame (`Camera.rays`); points (n, 2): latitude and longitude of
-        pyranometers, in flat scenes y and x, m. tolerance: of the diffuse light, by default .001 of it. lean: 26
+        pyranometers, in flat scenes y and x, m. tolerance: of the diffuse light, by default the solver's, or .001. lean: 26
         ordinates and 16 moments of the diffuse light, in place of 50 and 25 of them. single: sweeps in single
         precision, twice as fast.
         """
@@ -111,6 +112,8 @@ class Solver(Options):
         matter = matter_of(scene, wavelengths)
         surface = surface_of(scene, matter.wavelengths_nm)
         element = np.float32 if single else np.float64
+        if tolerance is None and self.name == "linear":
+            tolerance = self.tolerance
         return core_of(self, matter, surface, sun, eyes, points, tolerance, lean=lean, element=element)
 
     def _linear(self, scene: Scene, sun: F64, wavelengths: F64) -> LinearField:

@@ -205,3 +205,36 @@ def test_coordinates_that_are_rounded_or_no_places_are_left_as_they_are():
 )  # fmt: skip
 def test_units_are_known_by_their_long_names_and_raised_powers(written, wanted, factor):
     assert conversion(written, wanted) == (None if factor is None else (factor, 0.0))
+
+
+@pytest.mark.parametrize("labelled", ["plain", "coordinates", "dimensions"])
+@pytest.mark.parametrize("falling", ["x", "y", "z", "xyz"])
+def test_axes_that_fall_are_turned_over_with_all_on_them(falling: str, labelled: str) -> None:
+    """Latitudes from the north, levels from the top: the same scene as with all in rising order."""
+    rng = np.random.default_rng(5)
+    axes = {"x": np.arange(4.0), "y": 40 + np.arange(3.0), "z": np.array([0.0, 500.0, 1200.0])}
+    cloud = rng.uniform(0, 1e-3, (3, 3, 4)).astype(np.float32)
+    albedo = rng.uniform(0, 0.5, (3, 4, 3)).astype(np.float32)
+    terrain = rng.uniform(0, 50, (3, 4)).astype(np.float32)
+
+    def scene(turned: str, as_what: str) -> Scene:
+        turn = {name: slice(None, None, -1 if name in turned else 1) for name in "xyz"}
+        own = {name: places[turn[name]] for name, places in axes.items()}
+
+        def given(values: np.ndarray, dims: str) -> np.ndarray | xr.DataArray:
+            values = values[tuple(turn.get(dim, slice(None)) for dim in dims)]
+            if as_what == "plain":
+                return values
+            coords = {dim: own[dim] for dim in dims if dim in own} if as_what == "coordinates" else None
+            return xr.DataArray(values, coords, list(dims.replace("w", "")) + ["wavelength"] * ("w" in dims))
+
+        return Scene.from_arrays(
+            given(cloud, "zyx"), own["x"], own["y"], own["z"], crs="EPSG:4326", terrain_m=given(terrain, "yx"),
+            surface_albedo=given(albedo, "yxw"), wavelength_nm=[650.0, 550.0, 450.0],
+        )  # fmt: skip
+
+    rising, turned = scene("", "plain"), scene(falling, labelled)
+    xr.testing.assert_identical(turned.data, rising.data)
+    for name in ("x", "y", "height_m"):
+        np.testing.assert_array_equal(getattr(turned.grid, name), getattr(rising.grid, name))
+    assert turned.data["extinction_cloud"].values.flags["C_CONTIGUOUS"]

@@ -20,7 +20,7 @@ from openswim.scene.checks import WAVELENGTH_DIM, checked_dataset, fill_below_gr
 from openswim.scene.grid import EARTH_RADIUS_M, Grid
 from openswim.scene.ground import Ground
 from openswim.scene.labels.dimensions import ordered
-from openswim.scene.labels.places import Axis, aligned
+from openswim.scene.labels.places import Axis, aligned, falls, upward
 from openswim.scene.labels.units import STATE, canonical, converted, in_units
 from openswim.scene.oddities.values import odd_time
 from openswim.scene.optics import Optics
@@ -176,7 +176,8 @@ class Scene:
             Where their coordinates are the nodes in another order, values are put where they belong; other places
             than the nodes are refused.
         x_m, y_m, z_m : node coordinates [m] (x_m and y_m in the units of `crs` where one is given);
-            z_m is (nz,) or (nz, ny, nx).
+            z_m is (nz,) or (nz, ny, nx). Where one of the first three falls, as latitudes from the north or levels from
+            the top do, it is turned over, with all that is given on it.
         single_scattering_albedo, phase, kind : for all species, or dicts by name. Default phase: HG, g = .85.
         atmosphere : gas and aerosol; None for none. By default the US standard atmosphere where a `crs` is given, as
             for the same fields in a file, and none in flat scenes.
@@ -191,12 +192,12 @@ class Scene:
         x, y = (_across(name, values, projection) for name, values in (("x_m", x_m), ("y_m", y_m)))
         unit = "degrees" if projection is not None and projection.is_geographic else "m"
         axes: dict[str, Axis] = {"x": (x, unit), "y": (y, unit)}
-        z = _in_units("z_m", z_m, LEVEL_DIMS if getattr(z_m, "ndim", 1) == 3 else ("z",), "m", axes)
-        if z.ndim == 3:  # Grid keeps float32 as it is, and this is the caller's
-            z = np.array(z, np.float32, order="C")
-        grid = Grid(x, y, z, projection, earth_radius_m, periodic)
-        if z.ndim == 1:
-            axes["z"] = (z, "m")
+        if getattr(z_m, "ndim", 1) == 3:  # Grid keeps float32 as it is, and this is the caller's
+            z = np.array(_in_units("z_m", z_m, LEVEL_DIMS, "m", axes), np.float32, order="C")
+        else:
+            axes["z"] = (_in_units("z_m", z_m, ("z",), "m"), "m")
+            z = upward(axes["z"][0])
+        grid = Grid(upward(x), upward(y), z, projection, earth_radius_m, periodic)
         extinction_per_m = {} if extinction_per_m is None else extinction_per_m
         extinctions = extinction_per_m if isinstance(extinction_per_m, Mapping) else {"cloud": extinction_per_m}
         optics = {
@@ -365,10 +366,13 @@ def _fields(arrays: Mapping[str, Any], grid: Grid, axes: Mapping[str, Axis], not
 
 
 def _labelled(name: str, values: Any, dims: Sequence[str], axes: Mapping[str, Axis] | None = None) -> xr.DataArray:
-    """Numbers with these dimensions, in the order of the axes, and with the units that they say; nothing else of what
-    they are labelled with."""
-    what = f"scene: {name}"
-    array = numbers(what, aligned(what, ordered(what, values, dims), dims, axes or {}))
+    """Numbers with these dimensions, in the rising order of the axes, and with the units that they say; nothing else of
+    what they are labelled with."""
+    what, axes = f"scene: {name}", axes or {}
+    array = numbers(what, aligned(what, ordered(what, values, dims), dims, axes))
+    if array.ndim == len(dims):
+        falling = [n for n, dim in enumerate(dims) if dim in LEVEL_DIMS and dim in axes and falls(axes[dim][0])]
+        array = np.flip(array, falling)
     said = values.attrs if isinstance(values, xr.DataArray) else {}
     names = dims if array.ndim == len(dims) else [f"axis {number}" for number in range(array.ndim)]
     return xr.DataArray(array, dims=names, attrs={"units": said["units"]} if "units" in said else {})

@@ -156,3 +156,15 @@ def test_what_the_core_does_not_follow_is_refused():
         Solver("linear").solve(_scene(), SUN, shadow=object())
     with pytest.raises(UserError, match="follows no light from the night's sky"):
         Solver("linear").solve_starlit(_scene())
+
+
+def test_a_linear_solver_s_tolerance_is_its_core_s():
+    """Only that of a solver of this name: fast's is of another kind."""
+    cores = {
+        (name, given): Solver(name, tolerance=2e-4).linear_core(_scene(), SUN, WAVELENGTHS_NM, tolerance=given)
+        for name in ("linear", "fast")
+        for given in (None, 5e-4)
+    }
+    assert {key: core.tolerance for key, core in cores.items()} == {
+        ("linear", None): 2e-4, ("linear", 5e-4): 5e-4, ("fast", None): 1e-3, ("fast", 5e-4): 5e-4,
+    }  # fmt: skip

@@ -39,6 +39,16 @@ def aligned(what: str, values: Any, dims: Sequence[str], axes: Mapping[str, Axis
     return values
 
 
+def falls(places: NDArray[Any]) -> bool:
+    """Whether places along an axis go down from the first to the last."""
+    return bool(places.ndim == 1 and places.size > 1 and (np.diff(places) < 0).all())
+
+
+def upward(places: NDArray[Any]) -> NDArray[Any]:
+    """Places along an axis in rising order where they fall, else as they are."""
+    return places[::-1] if falls(places) else places
+
+
 def _order(what: str, coordinate: xr.DataArray, axis: str, places: NDArray[Any], unit: str) -> NDArray[Any] | None:
     """Which value belongs to each of the places; None: as they are."""
     if coordinate.dtype.kind not in "iuf" or coordinate.shape != places.shape:
