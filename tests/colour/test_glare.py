@@ -118,3 +118,12 @@ def test_glare_is_what_each_part_of_the_disc_spreads(lit: str) -> None:
     expected = sum(light[j, i, 1] * spread(np.degrees(np.arccos(np.clip(toward @ toward[j, i], -1, 1))))
                    for j, i in shining) / light[..., 1].sum()  # fmt: skip
     np.testing.assert_allclose(found[0], expected, rtol=0.08)
+
+
+@pytest.mark.parametrize("wide_deg", [12.0, 20.0, 50.0])
+def test_pictures_with_the_sun_do_not_burn_out(wide_deg: float) -> None:
+    """Automatic exposure knows of the glare: white is the sun with little around it, and the sky has a colour."""
+    camera = Camera.perspective(**HERE, azimuth_deg=SUN[0], altitude_deg=SUN[1], fov_deg=wide_deg, size=(150, 200))
+    shown = to_rgb(image_of(camera, sky=0.2), dither=False)
+    assert (shown.min(axis=-1) > 250).mean() < 0.03
+    assert 50 < np.median(shown) < 200
