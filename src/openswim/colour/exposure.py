@@ -20,7 +20,7 @@ DARK, READABLE = 15.0, 0.024  # percentile of the dark parts, and what they then
 # A thin crescent seen 3 degrees wide has a share of .005; through lenses of 12 degrees discs have less
 DISC_SHARE, DISC_ALONE, DISC_EVEN, DISC_BOX = 0.003, 1e3, 30.0, 0.08
 # Night is to look like night: where the typical luminance falls from that of deep twilight to that of a moonless sky,
-# what it goes to falls from a third of white to less than a tenth
+# what it goes to falls from a third of white to less than a tenth, and what the dark parts have as much
 DUSK, NIGHT, NIGHT_MIDDLE = 1e-5, 2e-8, 0.09
 MOST_EXPOSURE = 1e9
 LARGEST_EXPOSURE = 1e12  # that makes sense, of the darkest night
@@ -54,10 +54,10 @@ def auto_of(luminance: np.ndarray, weight: np.ndarray | None = None, glare: np.n
     scene, weight = (valid + added)[some], weight[some]
     typical = np.exp(np.average(np.log(scene), weights=weight))
     late = np.clip(np.log(DUSK / typical) / np.log(DUSK / NIGHT), 0, 1)
-    middle = MIDDLE * (NIGHT_MIDDLE / MIDDLE) ** late / typical
+    fallen = (NIGHT_MIDDLE / MIDDLE) ** late
     dark, glaring, bright = _percentiles(scene, weight, DARK, GLARING, BRIGHT)
-    readable = min(READABLE / dark, HIGHLIGHT / glaring)
-    return float(min(middle, max(HIGHLIGHT / bright, readable), MOST_EXPOSURE))
+    readable = min(READABLE * fallen / dark, HIGHLIGHT / glaring)
+    return float(min(MIDDLE * fallen / typical, max(HIGHLIGHT / bright, readable), MOST_EXPOSURE))
 
 
 def _disc(luminance: np.ndarray, known: np.ndarray) -> np.ndarray:
