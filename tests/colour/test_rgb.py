@@ -187,6 +187,15 @@ def test_twilight_is_seen_and_night_is_darker(dimmer, darkest, brightest):
     assert darkest <= picture[30, 10].max() <= brightest
 
 
+def test_dark_land_between_towns_is_dark():
+    """From space at night: not the grey that land below a low sun is given, for which towns would burn out."""
+    towns = np.full((60, 60, 3), 4e-8)
+    towns[:15] = np.geomspace(1e-7, 6e-6, 15)[:, None, None]
+    shown = to_rgb(picture_of(towns), dither=False)
+    assert shown[30, 0].max() < 32
+    assert (shown.min(axis=-1) > 240).mean() < 0.05
+
+
 def test_blue_sky_is_blue_and_clouds_are_white_but_not_burnt():
     picture = to_rgb(picture_of(sky_with_clouds()))
     red, green, blue = picture[30, 10].astype(int)

@@ -20,7 +20,7 @@ DARK, READABLE = 15.0, 0.024  # percentile of the dark parts, and what they then
 # A thin crescent seen 3 degrees wide has a share of .005; through lenses of 12 degrees discs have less
 DISC_SHARE, DISC_ALONE, DISC_EVEN, DISC_BOX = 0.003, 1e3, 30.0, 0.08
 # Night is to look like night: where the typical luminance falls from that of deep twilight to that of a moonless sky,
-# what it goes to falls from a third of white to less than a tenth
+# what it goes to falls from a third of white to less than a tenth, and what the dark parts have as much
 DUSK, NIGHT, NIGHT_MIDDLE = 1e-5, 2e-8, 0.09
 MOST_EXPOSURE = 1e9
 LARGEST_EXPOSURE = 1e12  # that makes sense, of the darkest night
@@ -29,33 +29,35 @@ SUN_CURVE = ((-18.0, 7e6), (-12.0, 2.5e5), (-10.0, 6e4), (-8.0, 1.1e4), (-6.0, 1
              (0.0, 13.0), (2.0, 5.2), (5.0, 2.4), (10.0, 1.4), (20.0, 1.0), (45.0, 0.92), (90.0, 0.75))
 
 
-def auto_of(luminance: np.ndarray, weight: np.ndarray | None = None) -> float:
+def auto_of(luminance: np.ndarray, weight: np.ndarray | None = None, glare: np.ndarray | float = 0.0) -> float:
     """The factor from L' to display light that a photographer would choose for pixels of a luminance, which count by a
-    weight, such as their solid angle.
+    weight, such as their solid angle; glare: what a lens adds to them.
 
     The typical luminance (geometric mean) goes to a third of white unless that would burn out the bright parts: their
     98th percentile stays at 1.1, which the shoulder brings below white. Where that would leave land dark under a low
     sun, up to 15 % of the pixels may burn out. At night it goes to less than a tenth, as from a tripod. Pixels outside
     the image, black space (below .2 % of the bright parts) and the sun's disc do not count, but for a lens so long that
-    it sees little but a disc: that of the sun or moon is what counts then.
+    it sees little but a disc: that of the sun or moon is what counts then. Which pixels count is told without the
+    glare, and how bright they are with it.
     """
+    added = np.broadcast_to(glare, luminance.shape)
     weight = np.ones_like(luminance) if weight is None else np.broadcast_to(weight, luminance.shape)
     known = np.isfinite(luminance) & (luminance > 0) & (weight > 0)
     if not known.any():
         return 1.0
-    valid, weight = luminance[known], weight[known]
+    valid, weight, added = luminance[known], weight[known], added[known]
     if luminance.ndim == 2:
         disc = _disc(np.where(known, luminance, 0.0), known)[known]
-        valid, weight = valid[disc], weight[disc]
+        valid, weight, added = valid[disc], weight[disc], added[disc]
     (bright,) = _percentiles(valid, weight, BRIGHT)
     some = (valid > 0.002 * bright) & (valid < 30 * bright)
-    scene, weight = valid[some], weight[some]
+    scene, weight = (valid + added)[some], weight[some]
     typical = np.exp(np.average(np.log(scene), weights=weight))
     late = np.clip(np.log(DUSK / typical) / np.log(DUSK / NIGHT), 0, 1)
-    middle = MIDDLE * (NIGHT_MIDDLE / MIDDLE) ** late / typical
+    fallen = (NIGHT_MIDDLE / MIDDLE) ** late
     dark, glaring, bright = _percentiles(scene, weight, DARK, GLARING, BRIGHT)
-    readable = min(READABLE / dark, HIGHLIGHT / glaring)
-    return float(min(middle, max(HIGHLIGHT / bright, readable), MOST_EXPOSURE))
+    readable = min(READABLE * fallen / dark, HIGHLIGHT / glaring)
+    return float(min(MIDDLE * fallen / typical, max(HIGHLIGHT / bright, readable), MOST_EXPOSURE))
 
 
 def _disc(luminance: np.ndarray, known: np.ndarray) -> np.ndarray:

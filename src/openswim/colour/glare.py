@@ -11,6 +11,7 @@ from openswim.scene.frame import azimuth_altitude, horizon_dip_deg, horizon_vect
 EYE_SHARE = 0.15  # a good lens scatters 1 to 1.5 % of what enters it beyond half a degree, the eye 9
 LEAST_DEG = 0.1  # within it lies what is sharp
 SUN_DEG = 0.3  # a little more than the disc's radius
+_NEAR_DEG, _PARTS = 3.0, 10  # beyond, glare is that of the middle to 1 %; parts across what shines, finer than LEAST
 
 
 def spread(angle_deg: np.ndarray) -> np.ndarray:
@@ -25,7 +26,7 @@ def spread(angle_deg: np.ndarray) -> np.ndarray:
 class SunSeen(NamedTuple):
     """Where the sun's disc is in an image, and what it adds."""
 
-    angle_deg: np.ndarray  # (y, x) of every pixel to the middle of the light that is seen of the sun
+    share: np.ndarray  # (y, x) of its irradiance that a lens spreads to every pixel, 1/sr
     rows: slice  # that hold the disc and what is around it
     sunny: np.ndarray  # of these rows (rows, x): the pixels of the disc
     sky: np.ndarray  # (wavelength,) L' around it
@@ -41,7 +42,7 @@ def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataA
         return None
     assert isinstance(image, xr.Dataset)
     irradiance = xr.DataArray(found.irradiance, dims="wavelength", coords={"wavelength": image["wavelength"]})
-    share = np.where(_ground(image), 0.0, spread(found.angle_deg))
+    share = np.where(_ground(image), 0.0, found.share)
     return np.nan_to_num(share).astype(np.float32), irradiance
 
 
@@ -77,11 +78,31 @@ def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
     sky = np.median(light[around], axis=0) if around.any() else np.zeros(light.shape[-1])
     each = ((light - sky) * np.nan_to_num(solid_angle)[..., None])[sunny]
     held, bright = np.maximum(each.sum(axis=0), 0), np.maximum(each, 0).sum(axis=1)
+    share = spread(angle)
     if bright.any():  # of a sun that is hidden in part, glare spreads from what is seen
         toward = horizon_vector(*np.degrees([azimuth[some][sunny], altitude[some][sunny]]).astype(float))
-        middle = bright @ toward
+        sources, weight = _parts(toward, bright, np.argwhere(sunny))
+        middle = weight @ sources
         angle = np.degrees(_between(azimuth, altitude, *np.radians(azimuth_altitude(middle / np.linalg.norm(middle)))))
-    return SunSeen(angle, some, sunny, sky, held)
+        share = spread(angle)
+        near = angle < _NEAR_DEG
+        toward = horizon_vector(*np.degrees([azimuth[near], altitude[near]]).astype(float))
+        share[near] = sum(part * spread(np.degrees(np.sqrt(2 - 2 * np.minimum(toward @ source, 1))))
+                          for source, part in zip(sources, weight, strict=True))  # fmt: skip
+    return SunSeen(share, some, sunny, sky, held)
+
+
+def _parts(toward: np.ndarray, light: np.ndarray, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middles (n, 3) of some parts of what shines at directions (m, 3), pixels (m, 2) of a picture, and their shares
+    (n,) of the light (m,)."""
+    lit = light > 0
+    pixel = pixel[lit] - pixel[lit].min(axis=0)
+    cell = (pixel * _PARTS // (pixel.max() + 1)) @ (_PARTS, 1)
+    weight = np.bincount(cell, light[lit], _PARTS**2)
+    middle = np.stack([np.bincount(cell, light[lit] * each, _PARTS**2) for each in toward[lit].T], axis=-1)
+    some = weight > 0
+    middle = middle[some] / np.linalg.norm(middle[some], axis=-1, keepdims=True)
+    return middle, weight[some] / weight.sum()
 
 
 def _ground(image: xr.Dataset) -> np.ndarray:

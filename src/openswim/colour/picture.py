@@ -118,7 +118,7 @@ def _save_picture(
     from openswim.colour.rgb import exposure_for, to_rgb
 
     check_bits(path, options["bits"])
-    exposure = exposure_for(image, exposure)
+    exposure = exposure_for(image, exposure, options["glare"])
     picture = to_rgb(image, exposure, **options)
     entries = facts(image, exposure)
     if caption != "none" and entries:

@@ -90,7 +90,7 @@ def to_linear_rgb(image: xr.Dataset | xr.DataArray, matrix: Matrix = "srgb") -> 
     return to_xyz(image) @ rgb_matrix(matrix).T.astype(np.float32)
 
 
-def auto_exposure(image: xr.Dataset | xr.DataArray) -> float:
+def auto_exposure(image: xr.Dataset | xr.DataArray, glare: bool = True) -> float:
     """The factor from L' to display light that a photographer would choose: see `openswim.colour.exposure.auto_of`."""
     data = solar_relative(image)
     pixels = data.size / data.sizes["wavelength"]
@@ -99,14 +99,17 @@ def auto_exposure(image: xr.Dataset | xr.DataArray) -> float:
     weight = None
     if isinstance(image, xr.Dataset) and "solid_angle" in image and image["solid_angle"].dims == data.dims[:-1]:
         weight = image["solid_angle"].isel(some).values
-    return auto_of(to_xyz(data.isel(some))[..., 1], weight)
+    added: np.ndarray | float = 0.0
+    if glare and (sun := glare_of_sun(image)) is not None:
+        added = sun[0][every, every] * to_xyz(sun[1])[1]
+    return auto_of(to_xyz(data.isel(some))[..., 1], weight, added)
 
 
-def exposure_for(image: xr.Dataset | xr.DataArray, exposure: float | str) -> float:
+def exposure_for(image: xr.Dataset | xr.DataArray, exposure: float | str, glare: bool = True) -> float:
     """The factor that a picture gets by what was asked for: see `openswim.colour.exposure.check_exposure`."""
     check_exposure(exposure)
     factor = exposure_of(image, exposure)
-    return auto_exposure(image) if factor is None else factor
+    return auto_exposure(image, glare) if factor is None else factor
 
 
 @takes
@@ -137,7 +140,7 @@ def to_rgb(
         raise UserError(f"image has dimensions ({found}), not (y, x, wavelength): cut rows and columns as isel(x=[0])")
     if bits not in (8, 16):
         raise UserError(f"bits {shown(bits)}: a picture has 8 or 16 a colour")
-    factor = exposure_for(image, exposure)
+    factor = exposure_for(image, exposure, glare)
     return developed(display_light(image, matrix, glare, eye), float(factor), gamma, roll_off, dither, bits)
 
 
