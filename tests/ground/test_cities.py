@@ -112,26 +112,3 @@ def test_a_map_of_lights_that_is_none_is_told_by_day_too():
     """All maps are opened when a scene is, though lamps are seen by night alone."""
     with pytest.raises(UserError, match=r"none\.tif: no such file"):
         maps_of(Ground(lights="none.tif"))
-
-
-@pytest.mark.parametrize("footprint_m", [100.0, 1500.0, 6000.0])
-def test_towns_that_the_map_does_not_tell_apart_have_its_light_in_the_mean(footprint_m):
-    """Over Europe, the eastern United States and South Asia."""
-    rng = np.random.default_rng(8)
-    for south, west in ((36.0, 0.0), (30.0, -98.0), (10.0, 70.0)):
-        lat, lon = south + 18 * rng.random(200_000), west + 25 * rng.random(200_000)
-        plain, seen = (city_radiance(lat, lon, None, footprint_m, detail) for detail in (False, True))
-        assert seen.mean() == pytest.approx(plain.mean(), rel=0.03)
-        assert seen.min() >= 0
-
-
-def test_from_orbit_towns_stand_in_the_dark_and_from_afar_they_are_the_maps():
-    """Of the plain of the Po, which the map has as one bright smear; pixels see the mean of what is in them."""
-    lat, lon = (each.ravel() for each in np.meshgrid(np.arange(45.0, 45.5, 0.002), np.arange(9.0, 10.5, 0.003)))
-    plain, near, wide = (city_radiance(lat, lon, None, width, width > 0) for width in (0.0, 200.0, 2e4))
-    np.testing.assert_allclose(wide, plain, rtol=1e-6)
-    dark, bright = np.quantile(near, [0.1, 0.9])
-    assert bright / dark > 2 * np.divide(*np.quantile(plain, [0.9, 0.1]))
-    blocks = near.reshape(25, 10, 50, 10).mean(axis=(1, 3))  # 2.2 km
-    middle = city_radiance(*(each.reshape(25, 10, 50, 10).mean(axis=(1, 3)) for each in (lat, lon)), None, 2200.0, True)
-    assert np.corrcoef(np.log(blocks.ravel()), np.log(middle.ravel()))[0, 1] > 0.9

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from openswim.ground.maps import maps_of
-from openswim.ground.noise.places import fractal_noise
-from openswim.ground.streets import QUARTER_M, TOWN_NW
 from openswim.scene.ground import Ground
 
 F64 = NDArray[np.float64]
@@ -18,9 +16,6 @@ F64 = NDArray[np.float64]
 # The picture of the Earth at night (NASA) was toned for the eye; its grey is turned back so that middles of large towns
 # have some 30 nW cm-2 sr-1 over cells of 20 km, villages some tenths, and dark land next to nothing
 _SCALE_NW, _GROWTH, _GREY_PER_INDEX = 0.3, 0.06, 2.0
-# Towns that it does not tell apart: octaves from half of its pixels down to quarters, of like variances
-_LONGEST_M, _OCTAVES, _POWER, _SERIES = 1e4, 4, 0.0, 17
-_MOST_UNEVEN = 10.0  # variance over the mean squared: air is lit as if there were none of this
 W_M2_SR = 1e-5  # of 1 nW cm-2 sr-1
 BAND_NM = (500.0, 900.0)  # in which such radiance is measured
 # Lamps, half of them sodium and half of them white diodes of 3000 K; any unit
@@ -36,15 +31,11 @@ def lamp_spectrum(wavelengths_nm: ArrayLike) -> F64:
     return np.asarray(W_M2_SR * np.interp(np.asarray(wavelengths_nm, float), _LAMP_NM, _LAMP) / whole)
 
 
-def city_radiance(
-    lat: ArrayLike, lon: ArrayLike, ground: Ground | None = None, footprint_m: ArrayLike = 0.0, detail: bool = False
-) -> F64:
+def city_radiance(lat: ArrayLike, lon: ArrayLike, ground: Ground | None = None, footprint_m: ArrayLike = 0.0) -> F64:
     """Upward radiance (n,) in nW cm-2 sr-1 at places (degrees): of the user's maps where they have it, else the coarse
-    one's. detail: with towns that the coarse one does not tell apart, in invented places, whose mean is the map's."""
+    one's."""
     lat, lon = np.broadcast_arrays(np.asarray(lat, float), np.asarray(lon, float))
     found = _coarse(lat, lon)
-    if detail:
-        found = found * _towns(lat, lon, found, footprint_m)
     for raster in [] if ground is None else maps_of(ground).lights:
         width = np.broadcast_to(np.asarray(footprint_m, float), lat.shape).ravel()
         values, known = (each.reshape(*lat.shape, *each.shape[1:]) for each in raster.sample(lat.ravel(), lon.ravel(),
@@ -52,15 +43,6 @@ def city_radiance(
         own = np.maximum(np.nan_to_num(values[..., 0]), 0)
         found = found + np.clip(known, 0, 1) * (own - found)
     return np.asarray(found)
-
-
-def _towns(lat: F64, lon: F64, radiance_nw: F64, footprint_m: ArrayLike) -> F64:
-    """What a pixel sees over its mean (n,), 1 in the mean: the logarithm is of normal distribution, and the less even
-    the darker it is around."""
-    width = np.maximum(np.broadcast_to(np.asarray(footprint_m, float), lat.shape), QUARTER_M)
-    seen, unseen = fractal_noise(lat.ravel(), lon.ravel(), _LONGEST_M, width.ravel(), _OCTAVES, _POWER, _SERIES)
-    variance = np.log1p(np.minimum(TOWN_NW / np.maximum(radiance_nw, 1e-3), _MOST_UNEVEN)).ravel()
-    return np.exp(np.sqrt(variance) * seen - 0.5 * variance * (1 - unseen)).reshape(lat.shape)
 
 
 def sodium_tint(wavelengths_nm: ArrayLike) -> F64:

@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 
 DEGREE_M = 111_195.0  # of latitude
 QUARTER_M = 700.0
-TOWN_NW, _LEAST_LIT = 6.0, 0.02  # radiance from which on all quarters are lit; share of them that is, at least
+_TOWN_NW, _LEAST_LIT = 6.0, 0.02  # radiance from which on all quarters are lit; share of them that is, at least
 _APART_M, _MAIN_APART_M = 32.0, 38.0  # lamps along a street, along a main road
 _SPOT_M, _MAIN_SPOT_M = 4.5, 6.5  # what a lamp lights, to 1/sqrt(e)
 _STREETS_M = (70.0, 130.0), (110.0, 220.0)  # from street to street, one way and the other
@@ -51,7 +51,7 @@ def lamps_seen(lat: ArrayLike, lon: ArrayLike, footprint_m: ArrayLike, radiance_
     that is sodium's, half in the mean; pixels of `WIDEST_M` see the mean alone."""
     given = (np.asarray(v, float) for v in (lat, lon, footprint_m, radiance_nw))
     lat, lon, width, bright = (each.ravel() for each in np.broadcast_arrays(*given))
-    lit = np.clip(bright / TOWN_NW, _LEAST_LIT, 1.0)
+    lit = np.clip(bright / _TOWN_NW, _LEAST_LIT, 1.0)
     own, other, away_m = _quarters(*_bent(lat, lon))
     blur_m = _OF_WIDTH * width
     here, beyond = own.chance(0) < lit, other.chance(0) < lit  # the quarters on both sides of a road

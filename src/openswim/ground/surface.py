@@ -76,7 +76,7 @@ class SceneSurface:
     ) -> F64 | None:
         if self.lamps is None or (self.scene.grid is not None and not self.scene.grid.curved):
             return None
-        bright = city_radiance(lat, lon, self.scene.ground, footprint_m, detail)
+        bright = city_radiance(lat, lon, self.scene.ground, footprint_m)
         shining = bright[..., None] * self.lamps
         if detail:
             some = np.flatnonzero((bright > 0) & (np.asarray(footprint_m) < WIDEST_M))
