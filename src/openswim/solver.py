@@ -98,8 +98,8 @@ class Solver(Options):
         where that is "linear".
 
         views: rays of an eye each, in the scene frame (`Camera.rays`); points (n, 2): latitude and longitude of
-        pyranometers, in flat scenes y and x, m. tolerance: of the diffuse light, by default the solver's, or .001. lean: 26
-        ordinates and 16 moments of the diffuse light, in place of 50 and 25 of them. single: sweeps in single
+        pyranometers, in flat scenes y and x, m. tolerance: of the diffuse light, by default the solver's, or .001.
+        lean: 26 ordinates and 16 moments of the diffuse light, in place of 50 and 25 of them. single: sweeps in single
         precision, twice as fast.
         """
         from openswim.transport.linear.of_matter import core_of

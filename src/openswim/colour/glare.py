@@ -11,7 +11,7 @@ from openswim.scene.frame import azimuth_altitude, horizon_dip_deg, horizon_vect
 EYE_SHARE = 0.15  # a good lens scatters 1 to 1.5 % of what enters it beyond half a degree, the eye 9
 LEAST_DEG = 0.1  # within it lies what is sharp
 SUN_DEG = 0.3  # a little more than the disc's radius
-_NEAR_DEG, _PARTS = 3.0, 10  # beyond, glare is that of the middle to 1 %; parts across what shines, finer than LEAST
+_NEAR_DEG, _PARTS = 2.0, 9  # beyond, glare is that of the middle to 2 %; parts across what shines, finer than LEAST
 
 
 def spread(angle_deg: np.ndarray) -> np.ndarray:
@@ -26,24 +26,45 @@ def spread(angle_deg: np.ndarray) -> np.ndarray:
 class SunSeen(NamedTuple):
     """Where the sun's disc is in an image, and what it adds."""
 
-    share: np.ndarray  # (y, x) of its irradiance that a lens spreads to every pixel, 1/sr
+    parts: np.ndarray  # (n, 3) directions to what is seen of it
+    weight: np.ndarray  # (n,) their shares of its light
     rows: slice  # that hold the disc and what is around it
     sunny: np.ndarray  # of these rows (rows, x): the pixels of the disc
     sky: np.ndarray  # (wavelength,) L' around it
     irradiance: np.ndarray  # (wavelength,) L' sr that these pixels hold beyond the sky's
 
 
-def glare_of_sun(image: xr.Dataset | xr.DataArray) -> tuple[np.ndarray, xr.DataArray] | None:
+def glare_of_sun(
+    image: xr.Dataset | xr.DataArray, some: slice = slice(None)
+) -> tuple[np.ndarray, xr.DataArray] | None:  # fmt: skip
     """What an irradiance of one from the sun's place adds to each pixel (y, x), 1/sr, and the irradiance (wavelength,),
     L' sr, that the pixels about that place hold beyond the sky's; None where the sun would not be in the picture.
+    ``some``: of the rows and columns.
     """
     found = sun_seen(image)
     if found is None:
         return None
     assert isinstance(image, xr.Dataset)
     irradiance = xr.DataArray(found.irradiance, dims="wavelength", coords={"wavelength": image["wavelength"]})
-    share = np.where(_ground(image), 0.0, found.share)
+    azimuth, altitude = (image[name].values[some, some].astype(np.float32) for name in ("azimuth", "altitude"))
+    share = np.where(_ground(image)[some, some], 0.0, _spread_to(azimuth, altitude, found.parts, found.weight))
     return np.nan_to_num(share).astype(np.float32), irradiance
+
+
+def _spread_to(azimuth: np.ndarray, altitude: np.ndarray, parts: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Share of an irradiance from some parts that a lens spreads to pixels at angles in degrees, 1/sr."""
+    middle = weight @ parts
+    toward = azimuth_altitude(middle / np.linalg.norm(middle))
+    angle = np.degrees(_between(*np.radians([azimuth, altitude]), *np.radians(toward)))
+    share = spread(angle)
+    near = angle < _NEAR_DEG
+    if len(parts) > 1:
+        beside = horizon_vector(azimuth[near].astype(float), altitude[near].astype(float)) - parts[0]
+        found = np.zeros(len(beside))
+        for part, own in zip(parts - parts[0], weight, strict=True):
+            found += own * spread(np.degrees(np.linalg.norm((beside - part).astype(np.float32), axis=-1)))
+        share[near] = found
+    return share
 
 
 def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
@@ -78,18 +99,11 @@ def sun_seen(image: xr.Dataset | xr.DataArray) -> SunSeen | None:
     sky = np.median(light[around], axis=0) if around.any() else np.zeros(light.shape[-1])
     each = ((light - sky) * np.nan_to_num(solid_angle)[..., None])[sunny]
     held, bright = np.maximum(each.sum(axis=0), 0), np.maximum(each, 0).sum(axis=1)
-    share = spread(angle)
+    parts, weight = horizon_vector(*np.degrees([[sun_azimuth], [sun_altitude]])), np.ones(1)
     if bright.any():  # of a sun that is hidden in part, glare spreads from what is seen
         toward = horizon_vector(*np.degrees([azimuth[some][sunny], altitude[some][sunny]]).astype(float))
-        sources, weight = _parts(toward, bright, np.argwhere(sunny))
-        middle = weight @ sources
-        angle = np.degrees(_between(azimuth, altitude, *np.radians(azimuth_altitude(middle / np.linalg.norm(middle)))))
-        share = spread(angle)
-        near = angle < _NEAR_DEG
-        toward = horizon_vector(*np.degrees([azimuth[near], altitude[near]]).astype(float))
-        share[near] = sum(part * spread(np.degrees(np.sqrt(2 - 2 * np.minimum(toward @ source, 1))))
-                          for source, part in zip(sources, weight, strict=True))  # fmt: skip
-    return SunSeen(share, some, sunny, sky, held)
+        parts, weight = _parts(toward, bright, np.argwhere(sunny))
+    return SunSeen(parts, weight, some, sunny, sky, held)
 
 
 def _parts(toward: np.ndarray, light: np.ndarray, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -100,8 +100,8 @@ def auto_exposure(image: xr.Dataset | xr.DataArray, glare: bool = True) -> float
     if isinstance(image, xr.Dataset) and "solid_angle" in image and image["solid_angle"].dims == data.dims[:-1]:
         weight = image["solid_angle"].isel(some).values
     added: np.ndarray | float = 0.0
-    if glare and (sun := glare_of_sun(image)) is not None:
-        added = sun[0][every, every] * to_xyz(sun[1])[1]
+    if glare and (sun := glare_of_sun(image, every)) is not None:
+        added = sun[0] * to_xyz(sun[1])[1]
     return auto_of(to_xyz(data.isel(some))[..., 1], weight, added)
 
 
