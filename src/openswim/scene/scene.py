@@ -372,7 +372,7 @@ def _labelled(name: str, values: Any, dims: Sequence[str], axes: Mapping[str, Ax
     array = numbers(what, aligned(what, ordered(what, values, dims), dims, axes))
     if array.ndim == len(dims):
         falling = [n for n, dim in enumerate(dims) if dim in LEVEL_DIMS and dim in axes and falls(axes[dim][0])]
-        array = np.flip(array, falling)
+        array = np.flip(array, tuple(falling))
     said = values.attrs if isinstance(values, xr.DataArray) else {}
     names = dims if array.ndim == len(dims) else [f"axis {number}" for number in range(array.ndim)]
     return xr.DataArray(array, dims=names, attrs={"units": said["units"]} if "units" in said else {})
