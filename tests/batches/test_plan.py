@@ -167,6 +167,6 @@ def test_folders_may_be_called_as_a_pattern(folder: Path) -> None:
 def test_files_are_called_after_time_and_member() -> None:
     time = np.datetime64("2005-08-28T18:00:00", "ms")
     assert stamp_of(time, None) == "20050828T180000"
-    assert stamp_of(time + 250, 7) == "20050828T180000250_m007"
+    assert stamp_of(time + np.timedelta64(250, "ms"), 7) == "20050828T180000250_m007"
     assert stamp_of(None, 12) == "m012"
     assert stamp_of(None, None) == ""

@@ -57,7 +57,7 @@ def test_a_killed_series_goes_on_where_it_stopped(frames, tmp_path):
     assert all((tmp_path / name).stat().st_mtime_ns == when for name, when in made.items())
     with xr.open_dataset(tmp_path / "scores.nc") as scores:
         assert [str(name) for name in scores.frame.values] == told
-        assert (np.diff(scores.time) > np.timedelta64(0)).all()
+        assert (np.diff(scores.time) > np.timedelta64(0, "ns")).all()
         at = {"weighting": "solid angle", "sun_mask": 12, "light": "decoded", "score_channel": "mean"}
         assert (scores.r.sel(at) > 0.999).all()
         assert scores.keogram_stored.sizes == {"time": 3, "meridian": 90, "channel": 3}

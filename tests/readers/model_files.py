@@ -171,7 +171,7 @@ def merra2(path: Path, model_levels: bool = True) -> Truth:
     }
     levels |= {"DELP": (edges[:-1] - edges[1:], "Pa"), "PL": (middle, "Pa")} if model_levels else {"H": (gph, "m")}
     data = xr.Dataset()
-    hidden = (gph < 300.0) & ~model_levels
+    hidden = np.zeros(gph.shape, bool) if model_levels else gph < 300.0
     for name, (values, units) in levels.items():
         values = np.where(hidden, 1e15, values)
         ordered = values[::-1] if model_levels else values

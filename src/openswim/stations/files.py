@@ -120,7 +120,7 @@ def _check_bright(path: Path, data: xr.Dataset) -> None:
 
 def _without_doubles(path: Path, data: xr.Dataset) -> xr.Dataset:
     """Without rows that stand there twice; raises UserError where two of one time differ."""
-    later = np.r_[False, np.diff(data["time"].values) == np.timedelta64(0)]
+    later = np.r_[False, np.diff(data["time"].values) == np.timedelta64(0, "ns")]
     if not later.any():
         return data
     for name in data:

@@ -79,6 +79,6 @@ def _in_order(times: Sequence[Any]) -> NDArray[np.datetime64]:
     if any(time is None for time in times):
         raise UserError("a series of scenes of which one has no time: give each its time")
     stamps = np.array(times, "datetime64[ms]")
-    if not (np.diff(stamps) > np.timedelta64(0)).all():
+    if not (np.diff(stamps) > np.timedelta64(0, "ns")).all():
         raise UserError("a series of scenes that are not in order of time: sort them, each time once")
     return stamps
