@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from openswim import Camera, open_scene, render
+from openswim import Camera, Solver, open_scene, render
 from openswim.cli.render import framed
 from openswim.colour import save
 from openswim.readers.domain.neighbourhood import Neighbourhood, reach_m
@@ -31,6 +31,7 @@ class Picture:
     time: str | None = None
     sun_time: str | None = None
     framed: bool = False
+    quality: str = "standard"
 
 
 def ground(name: str, file: str, lat: float, lon: float, azimuth: float = 180.0, **more: Any) -> Picture:
@@ -59,7 +60,7 @@ KATRINA, TIBET, ALPS = (
 HRRR, SMOKE = "hrrr2d/hrrr_20180722t15z_wrfsfcf01_RMEidaho.grib2", "hrrr2d/hrrr_20260301t00z_MASSDEN_8m.grib2"
 PICTURES = [
     ground("gfs", GFS, -38.0, 178.0, 0.0),
-    space("gfs", GFS, -7.0, 178.0, 1.5e9),
+    space("gfs", GFS, -7.0, 178.0, 1.5e9, quality="high"),
     space("gfs_geo", GFS, 0.0, -75.0, 35_786_000.0, sun_time="2011-10-11T17:00"),
     ground("era5", ERA5, 50.0, -8.0),
     space("era5", ERA5, 47.5, 4.0, 1.2e6, framed=True),
@@ -67,7 +68,7 @@ PICTURES = [
     ground("ifs", IFS, -12.0, 135.0, 90.0),
     space("ifs", IFS, 0.0, 135.0, 35_786_000.0),
     ground("um", UM, 45.0, 15.0),
-    space("um", UM, 45.0, 15.0, 2e6, framed=True),
+    space("um", UM, 45.0, 15.0, 2e6, framed=True, quality="high"),
     ground("katrina", KATRINA, 24.5, -90.0, time="2005-08-28T18:00"),
     space("katrina", KATRINA, 23.75, -89.5, 7e5, time="2005-08-28T18:00", framed=True),
     ground("tibet", TIBET, 30.0, 87.0, time="2005-09-21T06:00"),
@@ -97,7 +98,7 @@ def make(picture: Picture, folder: Path) -> None:
     scene = open_scene(folder / picture.file, time=picture.time, around=around)
     if picture.framed:
         camera = framed(camera, scene)
-    image = render(scene, camera, time=picture.sun_time)
+    image = render(scene, camera, Solver("fast", quality=picture.quality), time=picture.sun_time)
     path = TARGET / f"{picture.name}.jpg"
     save(image, path, caption="below")
     print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB, {time.process_time() - begin:.0f} s", flush=True)

@@ -15,7 +15,7 @@ import xarray as xr
 from matplotlib.dates import DateFormatter
 
 import openswim
-from openswim import Camera, open_scene, render
+from openswim import Camera, Solver, open_scene, render
 from openswim.colour import save
 from openswim.optics.aerosol import aerosol_type
 from openswim.optics.choosing import only as alone
@@ -86,10 +86,10 @@ def irradiance(data: Path, path: Path) -> None:
 
 
 def from_space(path: Path, lat: float, lon: float, height_m: float, light: str, fov_deg: float | None = None,
-               *only: str) -> xr.Dataset:  # fmt: skip
+               *only: str, quality: str = "standard") -> xr.Dataset:  # fmt: skip
     scene = open_scene(path, around=Neighbourhood(lat, lon, reach_m(height_m), if_large=True))
     camera = Camera.satellite(lat, lon, height_m=height_m, size=(400, 400), fov_deg=fov_deg)
-    return render(alone(scene, *only) if only else scene, camera, time=light)
+    return render(alone(scene, *only) if only else scene, camera, Solver("fast", quality=quality), time=light)
 
 
 def cloud_and_smoke() -> xr.Dataset:
@@ -119,7 +119,7 @@ FIGURES: dict[str, Callable[[Path], xr.Dataset]] = {
     "smoke_and_cloud": lambda data: cloud_and_smoke(),
     "dust_4_km": lambda data: dusty_gulf(data, 4000.0, -60.0),
     "dust_20_m": lambda data: dusty_gulf(data, 20.0, -15.0),
-    "globe": lambda data: from_space(data / "nwp" / GLOBE, -7.0, -95.0, 1.5e9, "2011-10-11T18:00"),
+    "globe": lambda data: from_space(data / "nwp" / GLOBE, -7.0, -95.0, 1.5e9, "2011-10-11T18:00", quality="high"),
 }
 
 

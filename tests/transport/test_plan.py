@@ -12,7 +12,7 @@ from openswim.scene import Scene
 from openswim.solver import Solver
 from openswim.transport import Field
 from openswim.transport.engine.decisions import Decisions
-from openswim.transport.medium.plan import Fineness, plan_medium
+from openswim.transport.medium.plan import Fineness, fineness_of, plan_medium
 
 SHAPE, CELL_M = (14, 28, 28), 60.0
 SUN = np.array([0.6, 0.2, 0.775])
@@ -131,3 +131,14 @@ def test_columns_lit_each_by_itself_need_fewer_levels(cell_m: float, columns: in
     assert plan.stands_alone == (parts == 8)
     layers = np.diff(plan.own_levels_m)
     assert layers.min() == pytest.approx(2000.0 / parts)
+
+
+def test_high_quality_divides_wide_cells_once_more_where_nodes_are_few_enough() -> None:
+    """Clouds broken by their cover, of cells of 100 km; not where there would be more than are affordable."""
+    finer = {}
+    for columns in (10, 26, 40):
+        shape = (20, columns, columns)
+        own = fineness_of(shape, 1e5, True, True)
+        finer[columns] = fineness_of(shape, 1e5, True, True, halve=True) / own
+        assert 20 * (columns * own * finer[columns]) ** 2 < 18e6
+    assert finer == {10: 1, 26: 2, 40: 1}

@@ -39,7 +39,8 @@ _BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where their cover 
 _MOST_FINER_NODES = 3_000_000
 _MOST_HALVED_NODES = 10_000_000
 _MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
-_MOST_WIDE_NODES = 11_500_000  # of such clouds in wide cells, each column lit by itself: up to 14 CPU s
+# Of such clouds in wide cells, each column lit by itself: up to 14 CPU s; and where they are to be halved, up to 24
+_MOST_WIDE_NODES, _MOST_HALVED_WIDE_NODES = 11_500_000, 18_000_000
 WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
@@ -49,7 +50,8 @@ _WITHOUT_SIDES_M = 1e8
 class Fineness:
     """What is asked of a medium. refine: divide levels that are too thick for sweeps; divide: and columns, up to
     `MOST_RESOLVED_NODES`, unless each is to be lit by itself or its clouds are broken by their cover; halve: columns
-    once in any case, if that has not been done; extend: let cloud fade out above the highest level, and air go on."""
+    once in any case, if that has not been done, those that are lit each by themselves if they are few enough then;
+    extend: let cloud fade out above the highest level, and air go on."""
 
     refine: bool = True
     divide: bool = True
@@ -172,11 +174,13 @@ def plan_medium(matter: Matter, terrain_m: F32, mu_sun: float, asked: Fineness) 
             )
 
         fewer = levels_of(True)
-        parts = fineness_of((len(fewer), ny, nx), cell_m, cover is not None, True) if grid.curved else 1
+        parts = 1
+        if grid.curved:
+            parts = fineness_of((len(fewer), ny, nx), cell_m, cover is not None, True, asked.halve)
         levels = fewer if stand_alone(grid.periodic, cell_m / parts, parts * nx) else levels_of(False)
     fineness = 1
     if grid.curved and (asked.refine or cover is not None):
-        fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, asked.refine)
+        fineness = fineness_of((len(levels), ny, nx), cell_m, cover is not None, asked.refine, asked.halve)
     last = 0 if grid.periodic else fineness - 1  # beyond the last node only the next period begins
     plan = MediumPlan(
         levels, (fineness * ny - last, fineness * nx - last), (dx / fineness, dy / fineness), grid.periodic,
@@ -217,16 +221,18 @@ def _extended(plan: MediumPlan, matter: Matter, species: list[OpticalSpecies], n
     return replace(plan, soft_top=soft, above_m=above if above.size else None)
 
 
-def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine: bool) -> int:
-    """Into how many a cell of a grid (nz, ny, nx) is divided each way; ``broken``: into clouds, by their cover."""
+def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine: bool, halve: bool = False) -> int:
+    """Into how many a cell of a grid (nz, ny, nx) is divided each way; ``broken``: into clouds, by their cover;
+    ``halve``: see `Fineness`."""
     nz, ny, nx = shape
+    most_wide = _MOST_HALVED_WIDE_NODES if halve else _MOST_WIDE_NODES
     wanted, most = _CELL_M, _MOST_FINER_NODES
     if broken:
         wanted, most = _CLOUD_CELL_M, _MOST_CLOUD_NODES if refine else _MOST_PLAIN_NODES
     fineness = 1
     while cell_m / fineness > wanted:
         wide = broken and refine and cell_m / (2 * fineness) >= WIDE_CELL_M
-        if (2 * fineness * ny) * (2 * fineness * nx) >= (_MOST_WIDE_NODES if wide else most) // nz:
+        if (2 * fineness * ny) * (2 * fineness * nx) >= (most_wide if wide else most) // nz:
             break
         fineness *= 2
     return fineness
