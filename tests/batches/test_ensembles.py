@@ -1,5 +1,7 @@
 """Ensembles of slabs of cloud, of which each answer is known."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +112,32 @@ def test_the_command_counts_ensembles_apart(plan: Path, capsys: pytest.CaptureFi
     assert "4 of them done; nothing is left to render" in told.err
     assert "0 made, 4 stood already, 0 failed, 1 ensemble put together" in told.out
     plan.write_text(PLAN)
+
+
+def test_a_run_that_cannot_be_read_keeps_no_other_from_being_made(
+    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is told; no ensemble is put together without it until it is whole. Where none can be read nothing is made."""
+    for name in PEAK_PER_M:
+        (tmp_path / f"{name}.nc").write_bytes(plan.with_name(f"{name}.nc").read_bytes())
+    (tmp_path / "plan.toml").write_text(PLAN + '\n[picture]\nexposure = 9.0\n')
+    whole = (tmp_path / "b.nc").read_bytes()
+    (tmp_path / "b.nc").write_bytes(whole[:2000])
+    work = Work.of(read_plan(tmp_path / "plan.toml"))
+    assert [task.weather for task in work.waiting] == ["a", "c", "d"]
+    report = replace(work, waiting=()).run()
+    assert report.failed[0].told == report.failed[0].failure  # which begins with the file's name
+    assert "b.nc: " in report.failed[0].failure
+    assert [one.failure for one in done(work)] == [""] * 3
+    assert not list(outcomes(work.plan, work.tasks, work.incomplete))
+    (tmp_path / "b.nc").write_bytes(whole)
+    work = Work.of(read_plan(tmp_path / "plan.toml"))
+    assert [one.failure for one in done(work)] == [""]
+    assert [out.made for out in outcomes(work.plan, work.tasks, work.incomplete)] == [1]
+    for name in PEAK_PER_M:
+        (tmp_path / f"{name}.nc").write_bytes(whole[:2000])
+    assert run(["batch", str(tmp_path / "plan.toml")]) == 2
+    assert re.search(r"error: .*a\.nc: ", capsys.readouterr().err)
 
 
 def test_a_fault_in_one_ends_no_other(plan: Path, monkeypatch: pytest.MonkeyPatch) -> None:

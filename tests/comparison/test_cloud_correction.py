@@ -96,8 +96,9 @@ def test_without_air_it_is_said_why_there_are_no_scores(tmp_path, capsys):
     asked = ["correct-clouds", str(tmp_path / "model.nc"), str(even), "--camera", str(tmp_path / "camera.toml")]
     asked += ["--utc-offset", "0", "--quality", "preview", "--passes", "1"]
     assert run([*asked, "-o", str(tmp_path / "a.nc")]) == 0
-    said = capsys.readouterr().out
-    assert re.search(r"mean r nan, .* % of the sky \(without air .*; a picture has no contrast\)", said)
+    said, told = capsys.readouterr()
+    assert "no edit has raised r" in told
+    assert re.search(r"mean r nan, .*; cloud masks are none \(without air .*; a picture has no contrast\)", said)
 
 
 def displaced(folder, seed, cells, axis, away_m):

@@ -12,6 +12,7 @@ from tests.comparison.skies import LAT, LON, NAME, TIME, clear_radiance, small_c
 import openswim
 from openswim.cameras.files import CameraFile, FrameSettings, ResponseSettings, read_camera, write_camera
 from openswim.cli.compare import Progress, line_of
+from openswim.comparison.cloud_rules import NO_AIR
 from openswim.comparison.one_frame import rounded
 from openswim.comparison.report.page import with_bounds, write_page
 from openswim.comparison.response import Curve, decoded, encoded, fit_curve
@@ -141,6 +142,33 @@ def test_a_frame_without_a_valid_pixel_has_scores_of_nan(sky, tmp_path):
     assert "no r: no pixel is left, of 0 % of the sky" in line_of(found)
 
 
+def test_too_few_pixels_for_a_response_are_told(srgb_frame):
+    """Above 84 degrees no half of what is left has pixels enough for a curve."""
+    found = openswim.compare(None, srgb_frame, CAMERA, aod_range=False, lowest_deg=84)
+    assert 0 < found.valid.sum() < 100
+    told = r"r -?0\.\d+ as stored, none with the response undone \(too few pixels are left to find the response\)"
+    assert re.search(told, line_of(found))
+    assert "no contrast" not in found.attrs["reasons"]
+
+
+def test_without_air_clouds_of_a_black_sky_are_not_told_and_nothing_fails(sky, tmp_path, recwarn):
+    """The clear sky is black, and so is that of a model without a cloud."""
+    axis, cloud = np.arange(9) * 500.0, np.zeros((4, 9, 9))
+    cloud[1:3, 3:6, 3:6] = 0.005
+    frame = write_frame(tmp_path / NAME, sky)
+    camera = replace(CAMERA.camera, lat=None, lon=None, x_m=2000.0, y_m=2000.0)
+    content = CameraFile(camera, "", CAMERA.frames, response=ResponseSettings(red_blue=0.0))
+    for extinction in (cloud, 0 * cloud):
+        scene = openswim.Scene.from_arrays(extinction, axis, axis, np.arange(500.0, 2001.0, 500.0), place=(LAT, LON),
+                                           time=TIME, surface_albedo=0.15)  # fmt: skip
+        found = openswim.compare(scene, frame, content, solver="swim")
+        assert np.isnan(found.observed_cover.sel(rule="clear sky"))
+        assert np.isfinite(found.simulated_as_stored).all()
+        assert line_of(found).endswith(f"; no cloud masks: {NO_AIR}")
+        write_page(found, camera, tmp_path / "page.html")
+    assert not [each for each in recwarn if issubclass(each.category, RuntimeWarning)]
+
+
 def test_it_is_said_when_half_of_the_frame_is_black(sky, tmp_path):
     """The black half counts nowhere: the other is scored, and its share told."""
     half = np.array(sky)
@@ -149,6 +177,22 @@ def test_it_is_said_when_half_of_the_frame_is_black(sky, tmp_path):
     assert found.attrs["share_of_sky_used"] == pytest.approx(0.5, abs=0.02)
     assert not found.valid.values[:, : half.shape[1] // 2].any()
     assert f"undone, of {100 * found.attrs['share_of_sky_used']:.0f} % of the sky" in line_of(found)
+
+
+@pytest.mark.parametrize(
+    ("waiting", "standing", "told"),
+    [
+        (10, 0, "10 frames, 0 of them done; 10 to compare by up to 2 processes\n"),
+        (2, 1, "3 frames, 1 of them done; 2 to compare by up to 2 processes\n"),
+        (1, 2, "3 frames, 2 of them done; 1 to compare\n"),
+        (0, 3, "3 frames, 3 of them done; nothing is left to compare\n"),
+        (1, 0, ""),
+        (0, 1, "this frame is done, with the same settings; nothing is left to compare\n"),
+    ],
+)
+def test_it_is_said_what_there_is_to_do(waiting, standing, told, capsys):
+    Progress(2).begin(waiting, standing)
+    assert capsys.readouterr().err == told
 
 
 def test_a_frame_far_from_the_models_time_is_noted(srgb_frame, capsys):
@@ -255,6 +299,12 @@ def test_radiance_where_the_scale_is_known_or_measured(sky, tmp_path):
     both = found.attrs["global_horizontal_irradiance_w_m2"]
     same = openswim.compare(None, frame, CAMERA, aod_range=False, ghi_w_m2=both)
     np.testing.assert_array_less(np.abs(same.bias.values), 0.01 * mean)
+    direct = found.attrs["direct_horizontal_irradiance_w_m2"]
+    dim = openswim.compare(None, frame, CAMERA, aod_range=False, ghi_w_m2=direct - 50)  # a cloud before the sun
+    assert np.isnan(dim.rmse).all()
+    assert f"rmse: diffuse irradiance of -50 W/m2 (--ghi less the simulated direct part, {direct:.0f}; give --dhi)" in (
+        dim.attrs["reasons"]
+    )
 
 
 def test_the_page_asks_nothing_of_a_server(srgb_frame, tmp_path):

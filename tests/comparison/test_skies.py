@@ -170,6 +170,7 @@ def test_a_flat_scene_is_compared_with_the_frames_of_its_camera(tmp_path, capsys
     page = (tmp_path / "out" / names[0].split("/")[-1]).with_suffix(".html").read_text("utf-8")
     assert {"sun", "venus"} <= set(re.findall(r">([a-z]+)</text>", page))  # of the scene's place
     assert run(["correct-clouds", *asked, "--passes", "1", "-o", str(tmp_path / "edited.nc")]) == 0
+    assert re.search(r"no edit has raised r|edit 1 has the highest r, and is written", capsys.readouterr().err)
 
 
 def test_a_series_reckons_irradiance_where_it_is_asked_for():

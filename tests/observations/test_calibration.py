@@ -79,9 +79,13 @@ def test_frames_of_two_nights_are_fitted_together_and_one_checks_the_other(of_st
     both = calibrate([path, other], LAT, LON, settings=FrameSettings(utc_offset_h=0.0))
     assert set(both.matched.frame.tolist()) == {0, 1}
     write_camera(one.content, tmp_path / "camera.toml")
-    matches, median = check(read_camera(tmp_path / "camera.toml"), other)
-    assert matches > 60
-    assert median < 0.15
+    found = check(read_camera(tmp_path / "camera.toml"), other)
+    assert found.matches > 60
+    assert found.median_px < 0.15
+    assert not found.doubt
+    late = check(read_camera(tmp_path / "camera.toml"), other, "2024-03-20T21:00")
+    assert late.matches < 15
+    assert late.doubt == f"no more than {late.matches} stars match"
 
 
 def test_a_clock_that_is_off_looks_like_a_tilt_and_the_page_says_so(tmp_path):
@@ -288,7 +292,13 @@ def test_the_command_writes_a_camera_and_its_page(tmp_path, capsys, monkeypatch)
     assert "1 frame match" in page
     assert run(["calibrate", "stars.png", "--camera", "roof.toml", "--time", NIGHT]) == 0
     assert re.search(r"\d\d stars match, median distance 0\.\d\d px", capsys.readouterr().out)
+    assert run(["calibrate", "stars.png", "--camera", "roof.toml", "--time", "2024-03-15T23:30"]) == 0
+    assert re.search(r"no more than \d+ stars match: cloud, .* or another camera", capsys.readouterr().out)
     star_frame(tmp_path / "cloud.png", optics, NIGHT, peaks=9)
+    asked = ["calibrate", "stars.png", "--camera", "roof.toml", "--time", NIGHT]
+    for more, remedy in ((["-o", "no.toml", "--by", "stars"], "leave out -o, --by"), (["cloud.png"], "--time is")):
+        assert run([*asked, *more]) == 2
+        assert remedy in capsys.readouterr().err
     for wrong in (
         ["cloud.png", *place, "--time", NIGHT, "-o", "no.toml"],
         ["stars.png", *place, "-o", "no.toml"],
@@ -365,9 +375,9 @@ def test_the_camera_of_happy_jack(shared, tmp_path, happy_jack):
     assert first.chosen.held_out_px < 0.47
     assert other.chosen.held_out_px < 0.40
     write_camera(first.content, tmp_path / "camera.toml")
-    matches, median = check(read_camera(tmp_path / "camera.toml"), shared / "data/sky/happyjack/006.fits.bz2")
-    assert matches > 45
-    assert median < 0.39
+    checked = check(read_camera(tmp_path / "camera.toml"), shared / "data/sky/happyjack/006.fits.bz2")
+    assert checked.matches > 45
+    assert checked.median_px < 0.39
     write_report(first, tmp_path / "page.html")
 
 

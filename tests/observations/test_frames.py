@@ -91,7 +91,7 @@ def test_fits_has_the_start_of_the_exposure(tmp_path):
         ("sky.png", {}, "--time"),
         ("sky_20241399_251000.png", {"utc_offset_h": 0.0}, "--time"),
         ("sky_20240230_120000.png", {"utc_offset_h": 0.0}, "--time"),
-        ("x_20160901_100000_UTCp1.png", {"utc_offset_h": 2.0}, "leave one"),
+        ("x_20160901_100000_UTCp1.png", {"utc_offset_h": 2.0}, r"in the camera.s file\) 2: leave that out"),
         ("x_20160901_100000_UTC+99.png", {}, r"UTC\+99, which no clock has"),
         ("x_20160901.png", {"time_pattern": "%d%m%y_%H%M"}, "pattern"),
         ("x_20160901.png", {"time_pattern": "%H%M"}, "a year"),

@@ -245,6 +245,18 @@ def test_unwritable(tmp_path):
     assert (tmp_path / "folder" / "kept").read_text() == "precious"
 
 
+def test_neither_a_file_nor_a_store_takes_the_place_of_the_other(tmp_path):
+    scene = Scene.clear(47, 8)
+    (tmp_path / "a.nc").write_text("a file")
+    with pytest.raises(UserError, match=r"a\.nc: is a file: choose another name"):
+        scene.to_zarr(tmp_path / "a.nc")
+    assert (tmp_path / "a.nc").read_text() == "a file"
+    scene.to_zarr(tmp_path / "b.zarr")
+    with pytest.raises(UserError, match=r"b\.zarr: is a folder: choose another name"):
+        scene.to_netcdf(tmp_path / "b.zarr")
+    assert open_scene(tmp_path / "b.zarr").place == (47, 8)
+
+
 def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path):
     there = tmp_path / "there"
     there.mkdir()

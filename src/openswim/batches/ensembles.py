@@ -58,10 +58,12 @@ def together(plan: Plan, tasks: Sequence[Task]) -> list[Together]:
     ]  # fmt: skip
 
 
-def outcomes(plan: Plan, tasks: Sequence[Task]) -> Iterator[Outcome]:
-    """Make those ensembles of cameras of which all members stand, and that do not stand themselves."""
+def outcomes(plan: Plan, tasks: Sequence[Task], incomplete: frozenset[str] = frozenset()) -> Iterator[Outcome]:
+    """Make those ensembles of cameras of which all members stand, and that do not stand themselves. incomplete: runs
+    with files that cannot be read, which may hold the times that these runs lack."""
     records = Records(plan.folder)
-    ready = [(one, cameras) for one in together(plan, tasks) if (cameras := _ready(records, one, plan.cameras))]
+    known = [one for one in together(plan, tasks) if incomplete <= {member.weather for member in one.members}]
+    ready = [(one, cameras) for one in known if (cameras := _ready(records, one, plan.cameras))]
     records.prepare([one for one, _ in ready])
     for one, cameras in ready:
         yield attempted(plan, one, cameras, partial(_make_one, plan, records, one))

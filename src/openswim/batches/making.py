@@ -29,13 +29,14 @@ class Report:
 @dataclass(frozen=True)
 class Work:
     """A plan's tasks: all of them, the share of this machine, and those of it whose pictures do not all stand yet; and
-    the files that cannot be read."""
+    the files that cannot be read, and the runs that these are of."""
 
     plan: Plan
     tasks: tuple[Task, ...]
     mine: tuple[Task, ...]
     waiting: tuple[Task, ...]
     unreadable: tuple[Outcome, ...] = ()
+    incomplete: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -51,7 +52,8 @@ class Work:
         records = Records(plan.folder)
         waiting = [task for task in mine if records.missing(task, plan.cameras)]
         bad = tuple(Outcome(path.name, failure=why) for path, why in unreadable.items())
-        return cls(plan, tuple(tasks), tuple(mine), tuple(waiting), bad)
+        incomplete = frozenset(run.name for run in plan.weathers if not unreadable.keys().isdisjoint(run.files))
+        return cls(plan, tuple(tasks), tuple(mine), tuple(waiting), bad, incomplete)
 
     def run(
         self, jobs: int | None = None, threads: int = 1, scheduler: str | None = None,
@@ -67,7 +69,7 @@ class Work:
                 found.append(outcome)
                 tell(outcome)
                 meter.advance()
-        for outcome in ensembles.outcomes(self.plan, self.tasks):
+        for outcome in ensembles.outcomes(self.plan, self.tasks, self.incomplete):
             found.append(outcome)
             tell(outcome)
         records.write_manifest(self.tasks, self.plan.cameras)

@@ -58,14 +58,15 @@ class Task:
 def tasks_of(plan: Plan, unreadable: dict[Path, str] | None = None) -> list[Task]:
     """All tasks of a plan, by weather, time and member; raises UserError.
 
-    unreadable: gets those of several files that cannot be read, with the reason; without it they are an error.
+    unreadable: gets those of several files or runs that cannot be read, with the reason; without it they are an error.
     """
     common = _common(plan)
     tasks = []
     for weather in plan.weathers:
         marks: dict[str, str] = {}
         members: dict[tuple[Path, ...], Sequence[int | None]] = {}
-        for time, files in _wanted(plan, weather, _states(plan, weather, unreadable)):
+        found = _states(plan, weather, unreadable)
+        for time, files in _wanted(plan, weather, found) if found else ():
             for member in _members(plan, weather, tuple(files), members):
                 mark = _mark([common, *(_file_mark(path, marks) for path in files), str(time), str(member)])
                 tasks.append(Task(weather.name, tuple(str(path.absolute()) for path in files), time, member, mark))
@@ -76,10 +77,12 @@ def tasks_of(plan: Plan, unreadable: dict[Path, str] | None = None) -> list[Task
 
 
 def check_any(plan: Plan, tasks: Sequence[Task], unreadable: dict[Path, str]) -> None:
-    """Raise UserError where there are none, since no time of the files is wanted."""
+    """Raise UserError where there are none, since no file can be read, or no time of the files is wanted."""
     if tasks:
         return
     states = [state for weather in plan.weathers for state in _states(plan, weather, unreadable)]
+    if not states:
+        raise UserError(next(iter(unreadable.values())))
     times = np.unique(np.array([time for time, _ in states if time is not None], "datetime64[ms]"))
     ends = (("from", plan.start), ("to", plan.end))
     asked = " ".join(f"{name} {iso(time)}" for name, time in ends if time is not None)
@@ -122,11 +125,13 @@ def _readable(plan: Plan, files: Sequence[Path], unreadable: dict[Path, str]) ->
 def _states(
     plan: Plan, weather: Weather, unreadable: dict[Path, str] | None
 ) -> list[tuple[np.datetime64 | None, list[Path]]]:
-    """The times of the files, each with those that have it."""
+    """The times of the files, each with those that have it; none of one of several runs that cannot be read at all."""
     try:
         return states_of(weather.files, plan.allow_references)
     except UserError:
         good = [] if unreadable is None else _readable(plan, weather.files, unreadable)
+        if not good and unreadable is not None and len(plan.weathers) > 1:
+            return []
         if not good or len(good) == len(weather.files):
             raise
         return states_of(good, plan.allow_references)

@@ -38,6 +38,12 @@ class Outcome:
     cpu_s: float = 0.0
     peak_bytes: float = 0.0
 
+    @property
+    def told(self) -> str:
+        """What failed and why, the task named once: that of an unreadable file is the file."""
+        names_it = Path(self.failure.partition(": ")[0]).name == self.task
+        return self.failure if names_it else f"{self.task}: {self.failure}"
+
 
 def do(plan: Plan, task: Task, threads: int = 1) -> Outcome:
     """Make what of a task is not there yet; never raises what a task can be blamed for."""

@@ -97,7 +97,7 @@ def _watch(request: BatchRequest, folder: Path, jobs: int) -> None:
 
     def tell(outcome: Outcome) -> None:
         failed = bool(outcome.failure)
-        click.echo(UserError(f"failed: {outcome.task}: {outcome.failure}") if failed else
+        click.echo(UserError(f"failed: {outcome.told}") if failed else
                    f"{outcome.task}: {outcome.seconds:.0f} s", err=failed)  # fmt: skip
 
     click.echo(f"watching {folder}, page {plan.folder / 'index.html'}; Ctrl-C ends", err=True)
@@ -118,7 +118,7 @@ def part_of_text(text: str) -> tuple[int, int]:
 def tell_failed(report: "Report") -> None:
     """List what failed, and raise for it: the user's mistake or a bad file, or a fault of ours."""
     for one in report.failed[:_TOLD]:
-        click.echo(one_line(f"failed: {one.task}: {one.failure}"), err=True)
+        click.echo(one_line(f"failed: {one.told}"), err=True)
     if len(report.failed) > _TOLD:
         click.echo(f"failed: ... and {len(report.failed) - _TOLD} more", err=True)
     if report.failed:

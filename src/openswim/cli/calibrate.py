@@ -70,11 +70,19 @@ def _check(request: CalibrateRequest, path: Path, frames: list[Path]) -> None:
     from openswim.cameras.files import FrameSettings, read_camera
     from openswim.observations.calibration import check
 
+    of_a_fit = {"-o": request.output, "--report": request.report, "--by": request.by, "--mask": request.mask,
+                "--name": request.name or None}  # fmt: skip
+    if given := [name for name, value in of_a_fit.items() if value is not None]:
+        raise UserError(f"--camera is checked, and nothing is fitted: leave out {', '.join(given)}, or --camera")
+    if request.time is not None and len(frames) > 1:
+        raise UserError("--time is the time of one frame; several tell theirs by name: leave it out")
     content = read_camera(path, lat=request.lat, lon=request.lon)
     offset_h = content.frames.utc_offset_h if request.utc_offset_h is None else request.utc_offset_h
     pattern, full = request.time_pattern or content.frames.time_pattern, content.frames.saturated_count
     settings = FrameSettings(pattern, offset_h, full)
     for frame in frames:
-        count, median = check(replace(content, frames=settings), frame, request.time, request.height_m)
-        told = f"median distance {median:.2f} px" if count else "which may be cloud, or another camera, place or time"
-        click.echo(f"{one_line(str(frame))}: {count} stars match, {told}")
+        found = check(replace(content, frames=settings), frame, request.time, request.height_m)
+        told = f"{found.matches} stars match, median distance {found.median_px:.2f} px"
+        if found.doubt:
+            told = f"{found.doubt}: cloud, moonlight, twilight, or another camera, place or time"
+        click.echo(f"{one_line(str(frame))}: {told}")

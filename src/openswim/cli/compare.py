@@ -103,12 +103,14 @@ class Progress:
     began: float = field(default_factory=clock.monotonic)
 
     def begin(self, waiting: int, standing: int) -> None:
-        """Of a series, say what there is to do."""
+        """Say what there is to do of a series, and where nothing is."""
         self.waiting, self.began = waiting, clock.monotonic()
         if waiting + standing > 1:
             by = f" by up to {self.jobs} processes" if min(self.jobs, waiting) > 1 else ""
-            click.echo(f"{waiting + standing} frames, {standing} of them done"
-                       + (f"; the others{by}" if standing and waiting else by), err=True)  # fmt: skip
+            left = f"{waiting} to compare{by}" if waiting else "nothing is left to compare"
+            click.echo(f"{waiting + standing} frames, {standing} of them done; {left}", err=True)
+        elif standing:
+            click.echo("this frame is done, with the same settings; nothing is left to compare", err=True)
 
     def tell(self, comparison: "xr.Dataset") -> None:
         """One line about a frame, and how long the others will take."""
@@ -173,14 +175,18 @@ def tell_when_far(seen: np.datetime64, model: np.datetime64, what: str) -> None:
 
 def line_of(comparison: "xr.Dataset") -> str:
     """Frame, time, mean r or why there is none, share of the sky where much is missing, cloud cover."""
+    from openswim.comparison.cloud_rules import NO_AIR
+
     attrs = comparison.attrs
     at = {"weighting": "solid angle", "sun_mask": attrs["sun_mask_deg"], "score_channel": "mean"}
     stored, undone = (float(comparison["r"].sel(at | {"light": name})) for name in ("as stored", "response undone"))
+    why = " and ".join(line[3:] for line in attrs["reasons"].splitlines() if line.startswith("r: "))
+    text = f"{attrs['frame']}: {attrs['time']}, "
     if np.isfinite(stored):
-        text = f"{attrs['frame']}: {attrs['time']}, r {stored:.3f} as stored, {undone:.3f} with the response undone"
+        told, because = (f"{undone:.3f}", "") if np.isfinite(undone) else ("none", f" ({why})")
+        text += f"r {stored:.3f} as stored, {told} with the response undone{because}"
     else:
-        why = [line.removeprefix("r: ") for line in attrs["reasons"].splitlines() if line.startswith("r: ")]
-        text = f"{attrs['frame']}: {attrs['time']}, no r: {' and '.join(why)}"
+        text += f"no r: {why}"
     if attrs["share_of_sky_used"] < MUCH:
         used = 100 * attrs["share_of_sky_used"]
         text += f", of {used:.0f} % of the sky (the rest is black, saturated or unlike its surroundings)"
@@ -190,6 +196,8 @@ def line_of(comparison: "xr.Dataset") -> str:
         covers = [float(comparison[f"{who}_cover"].sel(rule="clear sky")) for who in ("observed", "simulated")]
         if np.isfinite(covers).all():
             return f"{text}; cloud {100 * covers[0]:.0f} % observed, {100 * covers[1]:.0f} % simulated"
+        if f"observed_cover: {NO_AIR}" in attrs["reasons"]:
+            return f"{text}; no cloud masks: {NO_AIR}"
         typical = attrs["red_blue_of_this_frame"]
         if np.isfinite(typical):
             text += f"; no cloud masks without a clear frame (if this sky is clear: red_blue = {typical:.3f})"

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from openswim.errors import UserError, one_line
 
@@ -74,9 +75,11 @@ def run(request: CorrectCloudsRequest) -> None:
         title = "model" if number == 0 else f"edit {number}"
         why = history["reason"].sel(edit=number).item()
         because = f" ({why})" if why else ""
-        click.echo(f"{title}: mean r {used:.3f}{of_unused}; cloud masks differ on {error:.1f} % of the sky{because}")
-    if history.attrs["chosen_edit"] == 0:
-        click.echo("no edit has raised r: the scene is written as it was", err=True)
+        masks = f"differ on {error:.1f} % of the sky" if np.isfinite(error) else "are none"
+        click.echo(f"{title}: mean r {used:.3f}{of_unused}; cloud masks {masks}{because}")
+    chosen = history.attrs["chosen_edit"]
+    told = f"edit {chosen} has the highest r, and is written"
+    click.echo(told if chosen else "no edit has raised r: the scene is written as it was", err=True)
     save = scene.to_zarr if request.output.suffix == ".zarr" else scene.to_netcdf
     save(request.output)
     save_netcdf(history, scores)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from openswim.arguments import takes
 from openswim.comparison.cloud_edit import THINNEST_PER_M, Layer, edited, extinction, typical_layer
 from openswim.comparison.cloud_rays import Crossings, crossings
-from openswim.comparison.cloud_rules import DEPARTURE, departure
+from openswim.comparison.cloud_rules import DEPARTURE, NO_AIR, departure, is_black
 from openswim.comparison.correlation import correlation
 from openswim.comparison.prepared import Prepared, prepared, valid_pixels
 from openswim.comparison.scores import NO_BALANCE, Region
@@ -42,7 +42,6 @@ BLOCK_DEG = 3.0  # every second block of the sky this wide is kept aside, to sco
 _CLEAR_SHARES = (0.12, 0.12, 0.08, 0.08)
 MOST_LN = 0.7  # of the amount of cloud in a column: what a pass changes at most
 _DARK = 1e-9  # light that is none
-_NO_AIR = "without air the clear sky is black, and no cloud can be told from it"
 _STRENGTHS = (1.0, 1.5, 2.0, 2.0)  # of what is added
 
 
@@ -237,8 +236,8 @@ def _scores(eyes: list[_Eye], pictures: list[F64]) -> tuple[F64, F64, float, str
         for found, mask in ((used, eye.used), (unused, eye.valid & ~eye.used)):
             region = Region.of(eye.frame, mask & np.isfinite(picture).all(axis=-1))
             found.append(correlation(eye.light[region.valid], picture[region.valid], region.weight, region.tiles))
-        if not (eye.clear[eye.valid] > _DARK).any():
-            why[_NO_AIR] = None
+        if is_black(eye.clear[eye.valid]):
+            why[NO_AIR] = None
             continue
         weight = eye.frame.pixels.solid_angle_sr[eye.valid]
         differ = (departure(picture, eye.clear) > DEPARTURE)[eye.valid] != eye.cloud[eye.valid]

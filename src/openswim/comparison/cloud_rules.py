@@ -13,6 +13,13 @@ F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 DEPARTURE = 0.25  # of ln(red / blue), from which on it is a cloud
 CLEAR_SKY = "clear sky"
+NO_AIR = "without air the clear sky is black, and no cloud can be told from it"
+_DARK = 1e-9  # W m-2 sr-1 nm-1: no light
+
+
+def is_black(clear: NDArray[np.floating]) -> bool:
+    """Whether a clear sky (n, channels) is nowhere lit."""
+    return not (clear > _DARK).any()
 
 
 def log_red_blue(light: NDArray[np.floating]) -> F64:

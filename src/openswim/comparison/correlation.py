@@ -9,6 +9,7 @@ from openswim.comparison.tiles import NO_PIXEL, Interval, Tiles
 
 F64 = NDArray[np.float64]
 _NO_CONTRAST = "a picture has no contrast"
+_NO_RESPONSE = "too few pixels are left to find the response"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,8 @@ class Truth:
         return cls(tiles, weight, light, w, wy, wyy, _flat(wyy, w, mean))
 
     def correlations(self, x: F64) -> list[Interval]:
-        """r of each channel of another picture (n, channels) with this one, and last their mean."""
+        """r of each channel of another picture (n, channels; NaN: of no known response) with this one, and last their
+        mean."""
         channels = len(self.light)
         if not self.weight.size:
             return [Interval(np.nan, reason=NO_PIXEL)] * (channels + 1)
@@ -55,7 +57,9 @@ class Truth:
             found = [pearson(part) for part in np.split(sums, channels, axis=-1)]
             return np.stack([*found, np.mean(found, axis=0)])
 
-        return self.tiles.intervals_of_sums(np.concatenate(parts, axis=-1), each, (-1.0, 1.0), _NO_CONTRAST)
+        unknown = np.isnan(mean)
+        reasons = [_NO_RESPONSE if nothing else _NO_CONTRAST for nothing in (*unknown, unknown.any())]
+        return self.tiles.intervals_of_sums(np.concatenate(parts, axis=-1), each, (-1.0, 1.0), reasons)
 
 
 def _centred(light: F64, weight: F64) -> tuple[F64, F64]:

@@ -8,13 +8,23 @@ from numpy.typing import NDArray
 
 from openswim.cameras.files import CameraFile
 from openswim.comparison.below import below_scores, sees_land
-from openswim.comparison.cloud_rules import CLEAR_SKY, DEPARTURE, FIXED, log_red_blue
+from openswim.comparison.cloud_rules import CLEAR_SKY, DEPARTURE, FIXED, NO_AIR, is_black, log_red_blue
 from openswim.comparison.doubt import doubt
 from openswim.comparison.prepared import Prepared, open_pixels, prepared, valid_pixels
 from openswim.comparison.response import AEROSOL_NOTE, Curve, encoded, fit_curve, fit_power_law
-from openswim.comparison.scores import Region, Scores, cloud_scores, correlations, radiance_errors, undone
+from openswim.comparison.scores import (
+    NO_BALANCE,
+    NO_SCALE,
+    Region,
+    Scores,
+    cloud_scores,
+    correlations,
+    radiance_errors,
+    undone,
+)
 from openswim.comparison.settings import SUN_MASKS_DEG, KnownCamera, Settings, encoding_of, weighted_median
 from openswim.comparison.skies import Skies
+from openswim.comparison.tiles import NO_PIXEL
 from openswim.errors import UserError
 from openswim.observations import SkyFrame
 
@@ -112,11 +122,13 @@ def _clouds(
     daylight, tell no clouds."""
     plane = ("y", "x")
     blue_sky = log_red_blue(clear)
-    raw = log_red_blue(frame.linear) - blue_sky
-    typical = weighted_median(raw[region.valid], region.weight) if by_day else float("nan")
+    black = is_black(clear[region.valid]) and bool(region.weight.size)
+    with np.errstate(invalid="ignore"):  # of a black sky
+        raw = log_red_blue(frame.linear) - blue_sky
+    typical = weighted_median(raw[region.valid], region.weight) if by_day and not black else float("nan")
     scores.attrs["red_blue_of_this_frame"] = typical
     masks = {}
-    if known.red_blue is not None:
+    if known.red_blue is not None and not black:
         with np.errstate(invalid="ignore"):
             pair = raw - known.red_blue > DEPARTURE, log_red_blue(simulated) - blue_sky > DEPARTURE
         masks[CLEAR_SKY] = pair
@@ -131,19 +143,20 @@ def _clouds(
             for mask, own in zip(pair, counts, strict=True):
                 mask[region.valid] = rule(own)
         masks[name] = pair
-    cloud_scores(scores, frame, masks, region)
+    cloud_scores(scores, frame, masks, region, NO_AIR if black else NO_BALANCE)
 
 
 def as_stored(simulated: F64, frame: Prepared, region: Region, known: KnownCamera) -> F64:
     """Shares of full scale (ny, nx, channels) that this camera would have stored of simulated radiance: by its response
     where that is known, or by a gain for each channel; without a valid pixel by one that shows the sky."""
-    if not region.weight.size:
+    lit = region.valid & (simulated > 0).all(axis=-1)
+    if not region.weight.size or not lit.any():
         light = simulated * (0.2 / np.median(simulated[simulated > 0]) if (simulated > 0).any() else 1.0)
     elif known.answers is not None:
         parts = np.moveaxis(simulated, -1, 0)
         light = np.stack([curve.smooth(part) for curve, part in zip(known.answers, parts, strict=True)], axis=-1)
     else:
-        seen, truth = (np.median(v[region.valid], axis=0) for v in (frame.linear.astype(float), simulated))
+        seen, truth = (np.median(v[lit], axis=0) for v in (frame.linear.astype(float), simulated))
         light = simulated * (seen / truth)
     return encoded(np.clip(np.nan_to_num(light), 0, 1), frame.encoding)
 
@@ -191,8 +204,9 @@ def _response(scores: Scores, frame: Prepared, simulated: F64, region: Region, c
 
 def _scale(
     known: KnownCamera, settings: Settings, image: xr.Dataset, frame: Prepared, simulated: F64, region: Region
-) -> F64 | None:
-    """Radiance of a linear full scale (channels,): the camera's own, or by a pyranometer beside it.
+) -> F64 | str:
+    """Radiance of a linear full scale (channels,): the camera's own, or by a pyranometer beside it; or why there is
+    none.
 
     One irradiance fixes one number: colours, and the parts that are masked, are taken from the simulated sky.
     """
@@ -200,10 +214,17 @@ def _scale(
     if known.scale is not None:
         return np.broadcast_to(known.scale, channels)
     measured, diffuse = settings.dhi_w_m2, float(image.attrs.get("diffuse_horizontal_irradiance_w_m2", np.nan))
+    less = ""
     if measured is None and settings.ghi_w_m2 is not None:
-        measured = settings.ghi_w_m2 - float(image.attrs["direct_horizontal_irradiance_w_m2"])
-    if measured is None or not region.weight.size or not (measured > 0 and diffuse > 0):
-        return None
+        direct = float(image.attrs["direct_horizontal_irradiance_w_m2"])
+        measured = settings.ghi_w_m2 - direct
+        less = f" (--ghi less the simulated direct part, {direct:.0f}; give --dhi)"
+    if measured is None:
+        return NO_SCALE
+    if not region.weight.size:
+        return NO_PIXEL
+    if not (measured > 0 and diffuse > 0):
+        return f"diffuse irradiance of {measured:.0f} W/m2{less} beside {diffuse:.0f} simulated gives no scale"
     weight = region.weight * frame.pixels.direction[region.valid][:, 2]
     seen, truth = (np.average(v[region.valid], axis=0, weights=weight) for v in (frame.linear, simulated))
     return np.asarray(measured / diffuse * truth / seen, float)

@@ -129,10 +129,14 @@ class PowerLaw:
 
 
 def fit_power_law(stored: F64, radiance: F64, weight: F64) -> PowerLaw:
-    """Of shares of full scale (n, channels) as stored and radiance alike; robust against what is no clear sky."""
+    """Of shares of full scale (n, channels) as stored and radiance alike; robust against what is no clear sky. NaN of
+    skies with hardly any light, as without air."""
     from scipy.optimize import least_squares
 
-    stored, radiance, weight = _spread(stored, radiance, weight)
+    lit = (stored > 0).all(axis=-1) & (radiance > 0).all(axis=-1)
+    if lit.sum() < FEWEST_PIXELS:
+        return PowerLaw(*np.full((2, stored.shape[-1]), np.nan))
+    stored, radiance, weight = _spread(stored[lit], radiance[lit], weight[lit])
     found = []
     for share, light, start in zip(stored.T, radiance.T, _starts(stored, radiance), strict=True):
 

@@ -109,13 +109,14 @@ def undone(linear: F64, truth: F64, region: Region, curves: list[Curve] | None) 
     return found
 
 
-def radiance_errors(scores: Scores, frame: Prepared, simulated: F64, region: Region, scale: F64 | None) -> None:
-    """Root mean square and mean of observed less simulated radiance where the scale (channels,) is known."""
+def radiance_errors(scores: Scores, frame: Prepared, simulated: F64, region: Region, scale: F64 | str) -> None:
+    """Root mean square and mean of observed less simulated radiance where the scale (channels,) is known; or why it is
+    not."""
     parts: dict[str, list[Interval]] = {"rmse": [], "bias": []}
     for k in range(simulated.shape[-1]):
-        if scale is None:
-            parts["rmse"].append(Interval(np.nan, reason=NO_SCALE))
-            parts["bias"].append(Interval(np.nan, reason=NO_SCALE))
+        if isinstance(scale, str):
+            parts["rmse"].append(Interval(np.nan, reason=scale))
+            parts["bias"].append(Interval(np.nan, reason=scale))
             continue
         pair = scale[k] * frame.linear[region.valid][:, k].astype(float), simulated[region.valid][:, k]
         parts["rmse"].append(root_mean_square(*pair, region.weight, region.tiles))
@@ -126,13 +127,13 @@ def radiance_errors(scores: Scores, frame: Prepared, simulated: F64, region: Reg
 
 
 def cloud_scores(
-    scores: Scores, frame: Prepared, masks: dict[str, tuple[Mask, Mask]], region: Region
+    scores: Scores, frame: Prepared, masks: dict[str, tuple[Mask, Mask]], region: Region, why: str = NO_BALANCE
 ) -> None:
     """Contingency tables by rule, and FSS of the first rule on a map of equal area; `masks`: observed and simulated, of
-    the rules that can be applied."""
+    the rules that can be applied; `why` the first cannot."""
     names = (CLEAR_SKY, *FIXED)
     found = np.full((len(SCORES), len(names)), Interval(np.nan, reason=NO_DAYLIGHT), object)
-    found[:, names.index(CLEAR_SKY)] = Interval(np.nan, reason=NO_BALANCE)
+    found[:, names.index(CLEAR_SKY)] = Interval(np.nan, reason=why)
     cells = np.full((len(names), 4), np.nan)
     for j, name in enumerate(names):
         if name not in masks:
@@ -154,7 +155,7 @@ def cloud_scores(
         valid = np.zeros_like(valid)
     parts = neighbourhoods(simulated, observed, valid, direction)
     if CLEAR_SKY not in masks:
-        scores.reasons.append(f"fss: {NO_BALANCE}")
+        scores.reasons.append(f"fss: {why}")
     scores.coords["window"] = ("window", [part.window_deg for part in parts], {"units": "degree"})
     intervals = np.array([None, *(part.score for part in parts)], object)[1:]
     if CLEAR_SKY in masks:

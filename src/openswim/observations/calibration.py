@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,9 @@ from openswim.lights import sun_position
 from openswim.observations.frames import FrameInfo, read_frame
 from openswim.observations.lens_fit import residuals
 from openswim.observations.limits import star_limits, track_limits
-from openswim.observations.matching import TOLERANCES_PX, pairs
+from openswim.observations.matching import TOLERANCES_PX, expected_by_chance, pairs
 from openswim.observations.standing import Standing
-from openswim.observations.star_fit import LensResult, Matched, Sky, StarFit, fit_stars, sky_of
+from openswim.observations.star_fit import LensResult, Matched, Sky, StarFit, fit_stars, sky_of, too_few
 from openswim.observations.track_fit import LEAST_SPOTS, Sighting, TrackFit, fit_track, sighting
 from openswim.scene.times import Time
 
@@ -109,28 +109,44 @@ def calibrate(
     return Calibration(content, body, fit, cannot)
 
 
+class Checked(NamedTuple):
+    """How many stars of a frame a camera finds, their median distance, and how many it would find by chance."""
+
+    matches: int
+    median_px: float
+    by_chance: float
+
+    @property
+    def doubt(self) -> str:
+        """Why so many stars say nothing of the camera, by the rule of a fit; empty where they do."""
+        return too_few(self.matches, self.by_chance)
+
+
 @takes
 def check(
     camera: CameraFile, frame: str | os.PathLike[str], time: Time = None, height_m: float = 0.0
-) -> tuple[int, float]:
-    """How many stars of a frame a camera finds, and the median distance (pixels); nothing is fitted."""
+) -> Checked:
+    """How well a camera finds the stars of a frame; nothing is fitted."""
     seen = read_frame(frame, time, camera.frames)
     place, optics = camera.camera, camera.camera.optics
     if place.lat is None or place.lon is None or optics is None:
         raise UserError("only a camera with a lens, at a latitude and longitude, can be checked by stars")
     if seen.shape != place.shape:
-        raise UserError(f"{seen.path}: is {seen.shape[1]}x{seen.shape[0]} pixels, the camera's frames are not")
+        raise UserError(f"{seen.path}: is {seen.shape[1]}x{seen.shape[0]} pixels, its camera {place.shape[1]}x"
+                        f"{place.shape[0]}: give the camera of this frame")  # fmt: skip
     altitude = sun_position(seen.time, place.lat, place.lon, height_m).refracted_altitude_deg
     if altitude >= _NIGHT_DEG:
         raise UserError(f"{seen.path}: the sun is {altitude:.1f} degrees high: a camera is checked by the stars of a "
                         "clear night's frame")  # fmt: skip
     sky = sky_of(seen, place.lat, place.lon, height_m, None if place.mask is None else place.mask.hidden)
     size = min(max(min(seen.shape) / 1040, 0.3), 1.0)
-    star, peak = pairs(optics, sky.direction, sky.peaks.place, TOLERANCES_PX[-1] * size)
+    away_px = TOLERANCES_PX[-1] * size
+    star, peak = pairs(optics, sky.direction, sky.peaks.place, away_px)
+    chance = expected_by_chance(sky.direction, optics, sky.peaks.place, away_px)
     if not star.size:
-        return 0, float("nan")
+        return Checked(0, float("nan"), chance)
     miss = residuals(optics, sky.direction[star], sky.peaks.place[peak])
-    return int(star.size), float(np.median(np.linalg.norm(miss, axis=-1)))
+    return Checked(int(star.size), float(np.median(np.linalg.norm(miss, axis=-1))), chance)
 
 
 def _looked_at(

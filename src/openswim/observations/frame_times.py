@@ -53,8 +53,8 @@ def frame_time(
             raise UserError(f"{path}: its name says UTC{stated:+g}, which no clock has: give {option}another name")
         if stated is not None and settings.utc_offset_h not in (None, stated):
             raise UserError(
-                f"{path}: its name says UTC{stated:+g}, utc_offset_h (--utc-offset) {settings.utc_offset_h:g}: leave "
-                "one of them out"
+                f"{path}: its name says UTC{stated:+g}, utc_offset_h (--utc-offset, or in the camera's file) "
+                f"{settings.utc_offset_h:g}: leave that out, or give {option}another name"
             )
         return FrameTime(_utc(path, local, stated if stated is not None else settings.utc_offset_h, option), "name")
     if "DateTimeOriginal" in exif:

@@ -194,12 +194,21 @@ def _choose(lenses: Sequence[LensResult]) -> LensResult:
     return best
 
 
+def too_few(matches: int, chance: float) -> str:
+    """Why so many matches tell no camera; empty where they do."""
+    if matches < LEAST_MATCHES:
+        return f"no more than {matches} stars match"
+    if matches < chance + SIGMAS * np.sqrt(max(chance, 1.0)):
+        return f"{matches} stars match, {chance:.0f} would by chance"
+    return ""
+
+
 def _why_refused(matches: int, following: int, chance: float, chosen: LensResult, size: float) -> str:
     """What speaks against a match; empty where nothing does."""
     if matches < TIMES_THE_NEXT * following:
         return f"{matches} stars match one way and {following} another"
-    if matches < chance + SIGMAS * np.sqrt(max(chance, 1.0)):
-        return f"{matches} stars match, {chance:.0f} would by chance"
+    if few := too_few(matches, chance):
+        return few
     if chosen.held_out_px > WORST_PX * size:
         return f"stars that were left out lie {chosen.held_out_px:.1f} px from where the best lens has them"
     return ""

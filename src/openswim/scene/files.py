@@ -171,6 +171,8 @@ def written_whole(path: str | os.PathLike[str], own_folder: bool = False) -> Ite
         try:
             partial = made / Path(path).name  # a link's own, whose suffix is the one that was asked for
             yield partial
+            if target.exists() and target.is_dir() is not partial.is_dir():
+                raise UserError(f"{target}: is a {'folder' if target.is_dir() else 'file'}: choose another name")
             if target.is_dir() and partial.is_dir():
                 if not own_folder:
                     _check_own(target)

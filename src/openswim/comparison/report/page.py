@@ -177,6 +177,8 @@ def _response_plot(comparison: xr.Dataset) -> str:
     light, radiance = comparison["observed"].values[valid], comparison["simulated"].values[valid]
     some = np.linspace(0, len(light) - 1, min(_POINTS, len(light))).astype(int)
     top = float(np.percentile(light, 99.5)), float(np.percentile(radiance, 99.5)) * 1.1
+    if min(top) <= 0:  # black, as the clear sky without air
+        return ""
     names = "observed linear light, share of full scale", "simulated radiance, W/(m2 sr nm)"
     plot = Plot(*names, (0, top[0]), (0, top[1]))
     for k, name in enumerate(comparison["channel"].values):
