@@ -152,7 +152,7 @@ def write_picture(picture: np.ndarray, path: Path, entries: dict[str, str]) -> N
         drawn.save(encoded, "JPEG", quality=95, subsampling=0, exif=exif)
     else:
         drawn.save(encoded, "TIFF", compression="tiff_deflate", tiffinfo={270: description, 305: "OpenSWIm"})
-    path.write_bytes(encoded.getbuffer())
+    path.write_bytes(encoded.getvalue())
 
 
 def _texts(entries: dict[str, str]) -> dict[str, str]:
