@@ -91,13 +91,21 @@ def test_each_light_takes_its_time_and_stays() -> None:
     assert lights_of(scene, sun=(180.0, -20.0)) == 1
 
 
-def test_rays_through_clear_air_take_fewer_steps() -> None:
-    """Of the same grid with a cloud nowhere, in a tenth of the columns, in half, in all."""
-    view, seconds = Camera.panorama(47, 11, size=(2048, 1024)), []
-    for share in (0.0, 0.1, 0.5, 1.0):
-        seconds.append(estimate(_scene(32, 128, 128, share=share), view).seconds)
-    assert seconds[0] < 0.75 * seconds[1] < 0.75 * seconds[2]
-    assert seconds[2] == pytest.approx(seconds[3])
+@pytest.mark.parametrize(
+    ("camera", "seconds"),
+    [
+        (Camera.allsky(24.5, -90.0, size=800), (6.9, 8.3)),
+        (Camera.perspective(24.5, -90.0, altitude_deg=5.0, azimuth_deg=180.0, fov_deg=70.0, size=(1080, 1920)),
+         (18.5, 24.2)),
+    ],
+)  # fmt: skip
+def test_large_pictures_as_measured(shared: Path, camera: Camera, seconds: tuple[float, float]) -> None:
+    """Katrina, to be looked at and with all rays."""
+    around = Neighbourhood.seen_from(24.5, -90.0, 2.0, True)
+    file = shared / "data" / "nwp" / "wrfout_katrina_2005-08-28.nc"
+    scene = openswim.open_scene(file, time="2005-08-28T18:00", around=around)
+    expected = estimate(scene, camera).seconds
+    assert all(takes / 1.5 < expected < 1.5 * takes for takes in seconds)
 
 
 def test_quality_costs_where_there_is_cloud() -> None:

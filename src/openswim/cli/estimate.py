@@ -34,13 +34,13 @@ LARGE_BYTES = 1_000_000_000
 # Measured on two cores (docs/running.md has a table): what the estimate stands on.
 _START_S, _EARTH_START_S = 0.6, 1.6  # compiled kernels, and maps of the ground
 _VIEW_SAMPLES_PER_S, _FLAT_SAMPLES_PER_S = 1.6e7, 3.6e7
-_CLEAR_STEPS, _CLOUDY_STEPS = 80, 20  # of a ray in air alone, and with cloud, and a third of the grid's nodes across
-_SEEN_DEPTH, _BROKEN = 0.01, 0.25  # columns that count as cloudy; of so many rays go through cloud as if all were
+_STEPS = 100  # that all that is done for a pixel takes as long as, in clear air and in cloud
+_SEEN_DEPTH, _BROKEN = 0.01, 0.25  # columns that count as cloudy; so many are as dear to sweeps as if all were
 _SPACE_M = 1e5  # from above rays go through the air steeply ...
 _FROM_SPACE, _SPACE_PIXEL_BYTES = 2.0, 350  # ... in so many times fewer samples, and nearly all end on the ground
 _SOLVE_S_PER_NODE = 2.1e-6  # `fast`, per node of the grid and pack of wavelengths, full or not, all sweeps
-_COLUMN_NODE_S = 0.63e-6  # the same where every column is solved by itself
-_SWIM_NODE_S = 0.3e-6
+_COLUMN_NODE_S = 1.2e-6  # the same where every column is solved by itself
+_SWIM_NODE_S = 1.3e-6
 _SUNWARD_S, _HIGH_SUN_CELLS = 2.9e-8, 15  # per cloudy node and cell on its way to a low sun; those that all solves have
 _WIDE_SUNWARD_S = 9e-8  # the same in cells wider than clouds are tall, whose rays are read on their way; IFS of 19 km
 _CLOUD_TOP_M, _RADIUS_M, _NIGHT_DEG = 12e3, 6.37e6, -4.0
@@ -124,8 +124,7 @@ def _of_terms(
     in_space = camera.height_m > _SPACE_M
     of_nodes, of_columns = _cloudy_shares(scene)
     broken = min(1.0, of_columns / _BROKEN)
-    cloudy = (_CLOUDY_STEPS + sum(drawn) / 3) * broken
-    steps = (_CLEAR_STEPS + cloudy) / (_FROM_SPACE if in_space else 1.0)
+    steps = _STEPS / (_FROM_SPACE if in_space else 1.0)
     per_s = _VIEW_SAMPLES_PER_S if _on_earth(scene) else _FLAT_SAMPLES_PER_S
     pixels, per_pixel = math.prod(camera.shape), wavelengths * (_SPACE_PIXEL_BYTES if in_space else PIXEL_BYTES)
     fast_s = _COLUMN_NODE_S if wide else _SOLVE_S_PER_NODE * (1 + (_QUALITY[quality] - 1) * broken)
