@@ -38,6 +38,7 @@ class SatelliteRequest:
     imager: str = "goes-16 abi"
     bands: tuple[str, ...] = ()
     time: str | None = None
+    member: int | None = None
     solver: str = "fast"
 
 
@@ -105,7 +106,7 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
     else:
         whole = named_grid(request.imager, request.grid or "full", request.lon_0)
         lat, lon = 0.0, whole.lon_0
-    scene = openswim.open_scene(request.files, time=parse_time(request.time),
+    scene = openswim.open_scene(request.files, time=parse_time(request.time), member=request.member,
                                 around=Neighbourhood.seen_from(lat, lon, _HIGH_M))  # fmt: skip
     if scene.time is None:
         raise UserError("the model's files tell no time, by which the sun is placed: give --time")
@@ -168,7 +169,7 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
     if chosen is None and start is not None:
         times = [parse_time(each) for each in describe(request.files).times]
         chosen = min((each for each in times if each is not None), key=lambda each: abs(each - start), default=None)
-    scene = openswim.open_scene(request.files, time=chosen, around=around)
+    scene = openswim.open_scene(request.files, time=chosen, around=around, member=request.member)
     if request.time is None and start is not None and scene.time is not None:
         tell_when_far(start, scene.time, "picture")
     _announce(scene, grid.shape, bands, request.solver)

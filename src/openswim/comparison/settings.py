@@ -64,7 +64,7 @@ class KnownCamera:
 
 def skies_of(
     model: Model, solver: str | Solver, aod: float | None, albedo: float | None, sun: Any = None, table: bool = False,
-    detail: bool | None = None,
+    detail: bool | None = None, member: int | None = None,
 ) -> Skies:  # fmt: skip
     """The skies of a model, checked."""
     if not (model is None or isinstance(model, Scene | LitScene)):
@@ -76,7 +76,9 @@ def skies_of(
     if isinstance(model, LitScene) and aod is not None:
         raise UserError("compare: the light of this model is solved: leave out aod, or give the scene")
     aod = DEFAULT_AOD if model is None and aod is None else aod
-    return Skies(model, solver, aod, albedo, sun, table, detail)
+    if member is not None and (model is None or isinstance(model, Scene | LitScene)):
+        raise UserError("compare: member is of a model's files: leave it out, or give these")
+    return Skies(model, solver, aod, albedo, sun, table, detail, member)
 
 
 def frame_of(frame: Any, content: CameraFile, time: Any = None, alone: bool = True) -> SkyFrame:
