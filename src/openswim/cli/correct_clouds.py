@@ -92,7 +92,9 @@ def _tell_time(request: CorrectCloudsRequest, frame: Path, camera: "CameraFile")
     from openswim.comparison.skies import Skies
     from openswim.observations import read_frame
 
-    seen = read_frame(frame, request.time, camera.frames).time
-    model = Skies(str(request.model)).state_at(seen)[0]
+    seen = read_frame(frame, request.time, camera.frames)
+    if seen.doubt:
+        click.echo(one_line(f"note: {frame}: {seen.doubt}"), err=True)
+    model = Skies(str(request.model)).state_at(seen.time)[0]
     if model is not None:
-        tell_when_far(seen, model, "frame")
+        tell_when_far(seen.time, model, "frame")
