@@ -87,6 +87,8 @@ def run(request: CompareRequest) -> None:
     skies = skies_of(model, solver, request.aod, request.albedo, None, len(listed) > 1, request.detail,
                      request.member)  # fmt: skip
     known = known_camera(content, settings, request.clear_frame, solver, skies)
+    if known.doubt:
+        click.echo(one_line(f"note: {request.clear_frame}: {known.doubt}"), err=True)
     jobs = 1 if len(listed) == 1 else jobs
     progress = Progress(jobs)
     done = compare_into(skies, listed, content, settings, known, request.output, request.time, progress.tell,

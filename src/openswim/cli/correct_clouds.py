@@ -68,6 +68,8 @@ def run(request: CorrectCloudsRequest) -> None:
         passes=request.passes, hold_out=request.hold_out, base_m=request.base_m, thickness_m=request.thickness_m,
         solver=Solver("fast", quality=request.quality), **settings,
     )  # fmt: skip
+    if "doubt" in history.attrs:
+        click.echo(one_line(f"note: {history.attrs['doubt']}"), err=True)
     for number in history["edit"].values:
         used, unused = (history[f"r_{name}"].sel(edit=number).mean("camera").item() for name in ("used", "unused"))
         of_unused = f", {unused:.3f} of pixels that were not used" if request.hold_out else ""

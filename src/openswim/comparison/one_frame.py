@@ -253,7 +253,8 @@ def _attributes(
         "encoding": str(frame.encoding),
         "aerosol_optical_depth_550": skies.aerosol_depth(frame.camera, frame.time),
         "aerosol_note": AEROSOL_NOTE,
-        "response_from": known.source if known.curves is not None else "this frame, each half of the sky by the other",
+        "response_from": "this frame, each half of the sky by the other" if known.curves is None
+        else "; ".join(filter(None, (known.source, known.doubt))),
         "reasons": "\n".join(dict.fromkeys(reasons)),
     }
     if known.red_blue is not None:
