@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _HIGH_M = 36e6  # imagers stand so high, or higher
 _NEAREST_KM, _FARTHEST_KM = 6.6e3, 2e6  # as of Pixels
 _DISC_DEG, _DISC_PIXELS = 0.62, 512  # field of EPIC: the whole disc and a little beside it; its pixels each way
+_BESIDE, _EARTH_KM = 1.02, 6378.2  # from nearer by the disc is wider, and so is the field
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,8 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
         raise UserError("the model's files tell no time, by which the sun is placed: give --time")
     if request.disc is not None:
         _announce(scene, (size, size), bands, request.solver)
-        grid = Pixels.disc(lat, lon, 1000 * distance_km, _DISC_DEG, size)
+        field_deg = max(_DISC_DEG, 2 * _BESIDE * np.degrees(np.arcsin(_EARTH_KM / distance_km)))
+        grid = Pixels.disc(lat, lon, 1000 * distance_km, field_deg, size)
     else:
         grid, every = shown_part(whole, scene.levels[-1].grid, request.every)
         some = "" if every == 1 else f", each {every}. of the imager's"
