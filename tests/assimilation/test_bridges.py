@@ -82,6 +82,36 @@ def test_torch_in_single_precision() -> None:
     assert all(a.grad.dtype is torch.float32 and a.grad.abs().sum() > 0 for a in arrays)
 
 
+def test_torch_maps_over_members_and_rows() -> None:
+    torch = pytest.importorskip("torch")
+    op = operator()
+    f = op.as_torch()
+    arrays = [torch.tensor(v.values, dtype=torch.float64) for v in op.first().values()]
+    both = torch.func.vmap(f)(*(torch.stack([a, 1.1 * a]) for a in arrays))
+    np.testing.assert_allclose(both[1], op(1.1 * op.first()), rtol=1e-12)
+    rows = torch.func.jacrev(lambda a: f(a, *arrays[1:])[-2:])(arrays[0])
+    np.testing.assert_allclose(rows, op.linearize(op.first()).jacobian([op.size - 2, op.size - 1]).extinction_cloud)
+
+
+def test_torch_has_no_second_derivative_and_says_so() -> None:
+    """A penalty on a gradient was differentiated as if it were constant."""
+    torch = pytest.importorskip("torch")
+    op = operator()
+    arrays = [torch.tensor(v.values, requires_grad=True) for v in op.first().values()]
+    gradient = torch.autograd.grad(op.as_torch()(*arrays).sum(), arrays, create_graph=True)
+    with pytest.raises(UserError, match="first order"):
+        sum((each**2).sum() for each in gradient).backward()
+
+
+def test_torch_takes_tensors_of_real_numbers() -> None:
+    torch = pytest.importorskip("torch")
+    op = operator()
+    arrays = [torch.tensor(v.values) for v in op.first().values()]
+    for wrong in (arrays[0].numpy(), arrays[0].to(torch.complex128)):
+        with pytest.raises(UserError, match="give a tensor of real numbers"):
+            op.as_torch()(wrong, *arrays[1:])
+
+
 def test_jax_in_single_precision() -> None:
     jax = pytest.importorskip("jax")
     jax.config.update("jax_enable_x64", True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 from tests.assimilation.test_analysing import BELIEF, error, twin
 
 from openswim import UserError
@@ -104,3 +105,20 @@ def test_a_twin_comes_nearer() -> None:
         ensemble_filter(op, observed.isel(observation=slice(0, 3)), states, 100.0)
     with pytest.raises(UserError, match="1 or more"):
         ensemble_of(op, BELIEF, 0)
+
+
+def test_members_may_be_one_dataset() -> None:
+    """What ensembles in files are, and what `op.ensemble` gives."""
+    op, observed, _ = twin()
+    states = ensemble_of(op, BELIEF, 3)
+    together = xr.concat(states, "member")
+    seen = op.ensemble(states)
+    np.testing.assert_array_equal(op.ensemble(together), seen)
+    one, other = (ensemble_filter(op, observed, each, 120.0, seen=seen) for each in (iter(states), together))
+    for mine, theirs in zip(one, other, strict=True):
+        xr.testing.assert_equal(mine, theirs)
+    for wrong in (states[0], None):
+        with pytest.raises(UserError, match="give a list of states, or one Dataset along member"):
+            ensemble_filter(op, observed, wrong, 120.0)  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="a single state"):
+        op.ensemble(states[0])

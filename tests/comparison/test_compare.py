@@ -16,9 +16,10 @@ from openswim.comparison.cloud_rules import NO_AIR
 from openswim.comparison.one_frame import rounded
 from openswim.comparison.report.page import with_bounds, write_page
 from openswim.comparison.response import Curve, decoded, encoded, fit_curve
-from openswim.comparison.settings import camera_content, frame_of
+from openswim.comparison.settings import camera_content, frame_of, known_camera, settings_of, skies_of
 from openswim.errors import UserError
 from openswim.lights import moon_position
+from openswim.observations import read_frame
 
 SHARED = Path(os.environ.get("OPENSWIM_SHARED", Path(__file__).parents[3] / "shared")) / "data" / "sky"
 CAMERA = small_camera()
@@ -350,6 +351,21 @@ def test_the_response_of_a_camera_is_kept_in_its_file(tmp_path):
     with pytest.raises(UserError, match="encoding"):
         read_camera(tmp_path / "bad.toml")
 
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="needs the reference data")
+def test_a_cloudy_frame_in_the_place_of_a_clear_one_is_told():
+    """Hungriger Wolf, trees and all: clear from morning to afternoon; overcast; and of another hour."""
+    settings, skies = settings_of({"size": 100}), skies_of(None, "swim", None, None)
+    for name in ("Wolf_20160530_094400", "Wolf_20160530_114400", "Wolf_20160530_144900"):
+        frame = next(SHARED.glob(f"wolf/{name}*"))
+        assert known_camera(wolf_camera(), settings, frame, "swim", skies).doubt == ""
+    overcast = next(SHARED.glob("wolf/Image_20160527_144000_UTCp1_3*"))
+    assert "is it cloudy" in known_camera(wolf_camera(), settings, overcast, "swim", skies).doubt
+    found = openswim.compare(None, frame, wolf_camera(), clear_frame=overcast, solver="swim", size=100, aod_range=False)
+    assert "is it cloudy" in found.attrs["response_from"]
+    late = replace(read_frame(frame, settings=wolf_camera().frames), time=np.datetime64("2016-05-30T07:49"))
+    assert "another camera, time or zone" in known_camera(wolf_camera(), settings, late, "swim", skies).doubt
 
 
 def wolf_camera():

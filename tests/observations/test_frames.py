@@ -73,6 +73,10 @@ def test_exif_has_a_zone_or_needs_one(tmp_path):
     found = frame(tmp_path, "sky.jpg", exif)
     assert found.time == np.datetime64("2021-11-21T16:08:01")
     assert "EXIF" in found.time_source
+    assert frame(tmp_path, "sky.jpg", exif, utc_offset_h=1.0).doubt == found.doubt == ""
+    other = frame(tmp_path, "sky.jpg", exif, utc_offset_h=2.0)
+    assert other.time == np.datetime64("2021-11-21T15:08:01")
+    assert "EXIF says UTC+01:00, and utc_offset_h 2 " in other.doubt
 
 
 def test_fits_has_the_start_of_the_exposure(tmp_path):

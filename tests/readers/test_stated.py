@@ -49,6 +49,43 @@ def test_members_that_are_not_there(ensemble, tmp_path):
         open_scene(era5(tmp_path / "one.nc", new=True).paths[0], member=1)
 
 
+@pytest.mark.parametrize("dim", [None, "number", "ens"])
+def test_each_member_in_a_file_of_its_own(analysis, tmp_path, dim):
+    """By a number beside the fields or by a dimension of one; all files are named, as a pattern names them."""
+    for number in (0, 2, 7):
+        data = analysis.assign(clwc=((1 + number) * analysis.clwc).assign_attrs(analysis.clwc.attrs))
+        data = data.assign_coords(number=number) if dim is None else data.expand_dims({dim: [number]})
+        data.to_netcdf(tmp_path / f"member_{number}.nc")
+    every = tmp_path / "member_*.nc"
+    assert members_of(every) == [0, 2, 7]
+    first = open_scene(every)
+    assert any("3 ensemble members in the file (0, 2, 7): 0 is shown" in note for note in first.notes)
+    np.testing.assert_allclose(
+        open_scene(every, member=7).data.liquid_content, 8 * first.data.liquid_content, rtol=1e-5
+    )
+    with pytest.raises(UserError, match="no ensemble member 1 in it; it has 0, 2, 7"):
+        open_scene(every, member=1)
+
+
+def test_files_of_one_time_that_do_not_say_which_member_they_are(analysis, tmp_path):
+    """They were taken for one state, the first file's; copies of one state still are."""
+    for name, factor in (("a.nc", 1.0), ("b.nc", 2.0), ("copy.nc", 1.0)):
+        more = (factor * analysis.clwc).assign_attrs(analysis.clwc.attrs)
+        analysis.assign(clwc=more).to_netcdf(tmp_path / name)
+    with pytest.raises(UserError, match=r"a.nc and .*b.nc both hold cc, ciwc, clwc at 20.*: open one of them"):
+        open_scene([tmp_path / "a.nc", tmp_path / "b.nc"])
+    open_scene([tmp_path / "a.nc", tmp_path / "copy.nc"])
+
+
+def test_members_whose_numbers_are_written_as_text(analysis, tmp_path):
+    for name, numbers in (("text.nc", ["03", "11"]), ("named.nc", ["r1", "r2"])):
+        xr.concat([analysis] * 2, xr.DataArray(numbers, dims="member", name="member")).to_netcdf(tmp_path / name)
+    assert members_of(tmp_path / "text.nc") == [3, 11]
+    assert open_scene(tmp_path / "text.nc", member=11).source.endswith("member 11")
+    with pytest.raises(UserError, match="member has r1"):
+        open_scene(tmp_path / "named.nc", member=1)
+
+
 def test_a_dimension_that_nobody_knows_is_named(analysis, tmp_path):
     """Members along `ensemble_member` are known; along a name of the writer's own they are not."""
     for dim, name in (("ensemble_member", "a.nc"), ("run_of_mine", "b.nc")):
@@ -78,6 +115,47 @@ def test_all_members_of_a_file_of_messages(tmp_path):
         for number in (8, 3) for one in product.messages
     ]  # fmt: skip
     assert members_of(write(tmp_path / "two.grib2", product)) == [3, 8]
+
+
+def test_a_member_has_its_own_ground_and_what_all_share(tmp_path):
+    """Snow of the control run that stands before its own is not its; terrain and heights that come once, are."""
+    pytest.importorskip("eccodes")
+    product = hrrr(levels=2)
+    plain = product.messages
+
+    def of(number, messages, snow):
+        keys = {"productDefinitionTemplateNumber": 1, "perturbationNumber": number}
+        return [
+            replace(one, keys=keys | one.keys, values=lambda lat, lon: snow) if one.parameter == (0, 1, 42)
+            else replace(one, keys=keys | one.keys) for one in messages
+        ]  # fmt: skip
+
+    product.messages = of(0, plain, 10.0) + of(4, plain, 90.0)
+    both = write(tmp_path / "both.grib2", product)
+    for number, snow in ((0, 0.1), (4, 0.9)):
+        np.testing.assert_allclose(open_scene(both, member=number).data.snow_area_fraction, snow, atol=1e-6)
+    placed = [one for one in plain if one.parameter == (0, 3, 5)]
+    rest = [one for one in plain if one.parameter != (0, 3, 5)]
+    product.messages = placed + of(1, rest, 25.0) + of(4, rest, 25.0)
+    shared = write(tmp_path / "shared.grib2", product)
+    assert members_of(shared) == [1, 4]
+    for scene in (open_scene(shared), open_scene(shared, member=4)):
+        np.testing.assert_array_equal(scene.grid.height_m, open_scene(both).grid.height_m)
+
+
+def test_messages_of_each_member_in_a_file_of_its_own(tmp_path):
+    """The control run, whose number is 0, is one of them."""
+    pytest.importorskip("eccodes")
+    product = hrrr(levels=2)
+    plain = product.messages
+    for number in (0, 4):
+        keys = {"productDefinitionTemplateNumber": 1, "perturbationNumber": number}
+        product.messages = [replace(one, keys=keys | one.keys) for one in plain]
+        write(tmp_path / f"member_{number}.grib2", product)
+    every = tmp_path / "member_*.grib2"
+    assert members_of(every) == [0, 4]
+    for number in (0, 4):
+        assert open_scene(every, member=number).source.startswith(f"member_{number}.grib2")
 
 
 def test_a_member_of_a_file_in_the_layout(tmp_path):

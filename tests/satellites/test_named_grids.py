@@ -87,6 +87,12 @@ def test_a_view_of_a_grid_by_name_and_the_disc_from_l1(tmp_path: Path, capsys: p
     with xr.open_dataset(tmp_path / "disc.nc") as seen:
         assert seen.sizes["x"] == 2000
         assert np.isfinite(seen.reflectance_factor).sum() > 4
+    near = ["--disc", "44.0", "11.0", "7200", "--size", "1000"]  # the disc is 124.7 degrees wide from there
+    assert run([*command, *near, "-o", str(tmp_path / "near.nc")]) == 0
+    with xr.open_dataset(tmp_path / "near.nc") as seen:
+        on_earth = np.isfinite(seen.latitude.values)
+        assert 900 < on_earth[500].sum() < 1000
+        assert not on_earth[0, 0]
     assert run([*command, *disc, "-o", str(tmp_path / "disc.tif")]) == 2
     assert run([*command, "--grid", "full", "-o", str(out)]) == 2
     said = capsys.readouterr().err

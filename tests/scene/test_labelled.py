@@ -238,3 +238,23 @@ def test_axes_that_fall_are_turned_over_with_all_on_them(falling: str, labelled:
     for name in ("x", "y", "height_m"):
         np.testing.assert_array_equal(getattr(turned.grid, name), getattr(rising.grid, name))
     assert turned.data["extinction_cloud"].values.flags["C_CONTIGUOUS"]
+
+
+@pytest.mark.parametrize("tall", [False, True])
+@pytest.mark.parametrize(("name", "units"), [("level", "hPa"), ("plev", ""), ("isobaricInhPa", "")])
+def test_levels_of_pressure_run_against_heights(name, units, tall):
+    """ERA5's older files list the top first; what lies beside rising heights has to be turned over."""
+    extinction = np.zeros(SHAPE)
+    extinction[0, 1, 1] = 1e-3
+    upward = xr.DataArray(
+        extinction, dims=(name, "y", "x"), coords={name: (name, [1000.0, 990.0], {"units": units} if units else {})}
+    )
+    z = np.broadcast_to(AXES["z_m"][:, None, None], SHAPE) if tall else AXES["z_m"]
+    scene = Scene.from_arrays(upward, **AXES | {"z_m": z})
+    assert scene.data.extinction_cloud[0, 1, 1] == np.float32(1e-3)
+    downward = upward.isel({name: slice(None, None, -1)})
+    with pytest.raises(UserError, match=rf"lies on pressures of 990 to 1000 .*turn it over, isel\({name}"):
+        Scene.from_arrays(downward, **AXES | {"z_m": z})
+    if not tall:
+        turned = Scene.from_arrays(downward, **AXES | {"z_m": AXES["z_m"][::-1]})
+        np.testing.assert_array_equal(turned.data.extinction_cloud, scene.data.extinction_cloud)

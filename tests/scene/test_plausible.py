@@ -61,6 +61,7 @@ def test_a_radius_at_its_bound_passes_in_single_precision():
         ({"air_pressure": lambda p: p / 100}, "100 times too small"),
         ({"air_pressure": lambda p: p / 1000}, "1000 times too small"),
         ({"air_pressure": lambda p: np.full_like(p, 5e4)}, "air_pressure"),
+        ({"air_pressure": lambda p: p[::-1]}, "upside down"),
         ({"air_pressure": lambda p: p[np.r_[0:10, 11, 10, 12:31]]}, "rises with height"),
         ({"air_pressure": lambda p: p[np.r_[0:10, 11, 11, 12:31]]}, "levels 11 and 12"),
         ({"air_temperature": lambda t: np.where(HEIGHT > 9e3, 330.0, t)}, "air_temperature"),

@@ -12,7 +12,7 @@ import xarray as xr
 
 from openswim.errors import UserError
 from openswim.scene.atmosphere import AerosolProfile
-from openswim.stations.checks import checked, doubts, sun_of
+from openswim.stations.checks import checked, doubts, sun_of, told_of_swap
 from openswim.stations.clear_day import albedo_of, fit_aerosol, scene_over, vapour_of, visible_albedo_of
 from openswim.stations.clear_sky import clear_times
 from openswim.stations.comparison import differences, plot
@@ -48,6 +48,26 @@ def test_files_of_networks_have_what_their_tables_have(name, place, table):
         np.testing.assert_allclose(found[quantity].sel(time=both), same[quantity].sel(time=both), rtol=1e-4, atol=0.01)
     for key in ("latitude", "longitude", "height_m"):
         assert found.attrs[key] == pytest.approx(same.attrs[key], abs=1e-3)
+
+
+@needs_files
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("bsrn_raw/pay0616_excerpt.dat.gz", {}), ("irradiance/sgpsirsE13.b1.20190101.000000.cdf", {}),
+        ("irradiance/midc_raw_20181018.txt", {"lat": 32.23, "lon": -110.955, "height_m": 786}),
+    ],
+)  # fmt: skip
+def test_swapped_columns_are_told_of_each_measured_day_without_diffuse_light(name, place):
+    """Clear ones, overcast ones and those between; clocks that are off are no swap, as far as the day is whole."""
+    found = read_station(RAW / name, **place).drop_vars("dhi")
+    for day in np.unique(found.time.values.astype("datetime64[D]")):
+        good = found.sel(time=str(day))
+        assert told_of_swap(good) == ""
+        assert "see which column is which" in told_of_swap(good.rename(ghi="dni", dni="ghi"))
+        if good.sizes["time"] > 1000:
+            for hours in (-6, -1, 2, 8):
+                assert told_of_swap(good.assign_coords(time=good.time + np.timedelta64(hours, "h"))) == ""
 
 
 def _table(path: Path, rows: list[str]) -> Path:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from openswim.arguments import check_keys, check_kind, number, shown
+from openswim.arguments import check_keys, check_kind, number, shown, whole
 from openswim.assimilation.background import Background
 from openswim.assimilation.observing.images import in_units
 from openswim.assimilation.settings import Settings
@@ -35,7 +35,7 @@ _TABLES: dict[str, tuple[str, ...]] = {
     "camera": ("file", "image", "time"),
     "pyranometer": ("lat", "lon", "x_m", "y_m", "w_m2", "time"),
 }  # fmt: skip
-_TOP = ("openswim_analysis", "model", "time", "sun", "cover", *_TABLES)
+_TOP = ("openswim_analysis", "model", "member", "time", "sun", "cover", *_TABLES)
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ class Configuration:
     points_on_earth: tuple[bool, ...] = ()
     window: bool = False
     cover: bool = True
+    member: int | None = None
     observe: dict[str, Any] = field(default_factory=dict)
     observations: dict[str, Any] = field(default_factory=dict)
     analyse: dict[str, Any] = field(default_factory=dict)
@@ -119,8 +120,9 @@ def _configuration(tables: dict[str, Any], path: Path) -> Configuration:
     return Configuration(
         path, _models(tables, path), None if time is None else str(time), sun, Background(**parts["background"]),
         tuple(load_camera(each, path.absolute().parent) for each in files), files, images, tuple(points), tuple(watts),
-        *own, tuple(on_earth), window, tables.get("cover", True), parts["observe"], parts["observations"],
-        parts["analyse"],
+        *own, tuple(on_earth), window, tables.get("cover", True),
+        None if "member" not in tables else whole("member", tables["member"]),
+        parts["observe"], parts["observations"], parts["analyse"],
     )  # fmt: skip
 
 

@@ -31,7 +31,7 @@ def operator_of(config: Configuration) -> Operator:
 
 
 def _opened(config: Configuration, winds: bool = False) -> Scene:
-    scene = open_scene(list(config.models), config.time, winds=winds)
+    scene = open_scene(list(config.models), config.time, winds=winds, member=config.member)
     if not config.cover and COVER in scene.data:
         scene.data = scene.data.drop_vars(COVER)
         scene.notes.append("the model's cloud cover is left out: clouds fill their cells")

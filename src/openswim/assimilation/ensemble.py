@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from openswim.arguments import number, numbers, whole
 from openswim.assimilation.background import Background, Piece, Space
 from openswim.assimilation.observing.observations import check_observed
-from openswim.assimilation.observing.operator import Operator
+from openswim.assimilation.observing.operator import Operator, listed
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
 from openswim.progress import track
@@ -35,7 +35,7 @@ def ensemble_of(op: Operator, background: Background, members: int, first: xr.Da
 def ensemble_filter(
     op: Operator,
     observed: xr.Dataset,
-    states: Sequence[xr.Dataset],
+    states: Iterable[xr.Dataset] | xr.Dataset,
     length_m: float,
     inflation: float = 1.05,
     transform: str = "softplus",
@@ -44,6 +44,7 @@ def ensemble_filter(
 ) -> list[xr.Dataset]:
     """Members after the observations.
 
+    states : of the members before, several or one Dataset along ``member``.
     length_m : of localisation (Gaspari and Cohn 1999), along the ground: an observation counts the less in a column,
     the farther its ray passes by within the layer that may change.
     inflation : of the members' variance before (Hunt et al. 2007, Sect. 4.4), where nothing was observed too.
@@ -52,7 +53,8 @@ def ensemble_filter(
     transform : in which members are mixed, so that no mix is a negative cloud. seen : H of the members
     (`Operator.ensemble`), where it is known; another model's may be given, as an array (members, observations).
     """
-    if len(states) < 3:
+    before = listed(states, "ensemble_filter")
+    if len(before) < 3:
         raise UserError("ensemble_filter: give three members or more")
     if not 0 < number("ensemble_filter: length_m", length_m) < np.inf:
         raise UserError("ensemble_filter: length_m must be positive")
@@ -61,10 +63,10 @@ def ensemble_filter(
     if not 0 <= number("ensemble_filter: relaxation", relaxation) <= 1:
         raise UserError("ensemble_filter: relaxation must be from 0 (none) to 1 (to all of the spread before)")
     check_observed(op, observed)
-    lifted = [op.controls.lifted(state) for state in states]
+    lifted = [op.controls.lifted(state) for state in before]
     rows = np.asarray(op.ensemble(lifted)) if seen is None else numbers("ensemble_filter: seen", seen)
-    if rows.shape != (len(states), op.size):
-        raise UserError(f"ensemble_filter: seen has shape {rows.shape}; give ({len(states)}, {op.size})")
+    if rows.shape != (len(before), op.size):
+        raise UserError(f"ensemble_filter: seen has shape {rows.shape}; give ({len(before)}, {op.size})")
     use = np.flatnonzero(observed["use"].values)
     if not np.isfinite(rows[:, use]).all():
         raise UserError("ensemble_filter: seen must be finite wherever an observation is used")
@@ -75,7 +77,7 @@ def ensemble_filter(
     fields = [[_inner(p, state) for state in lifted] for p in space.pieces]
     out = [state.copy(deep=True) for state in lifted]
     ends, places = _segments(op)[use], _columns(op)
-    by_column = np.empty((len(places), len(states), len(states)))
+    by_column = np.empty((len(places), len(before), len(before)))
     for n in track(range(len(places)), "ensemble"):
         by_column[n] = _mixed(changes, departure, _nearness(places[n], ends, length_m), inflation)
     everywhere = _mixed(changes, departure, np.ones(use.size), inflation)
@@ -83,7 +85,7 @@ def ensemble_filter(
         stack = np.stack(members)
         if {"y", "x"} <= set(p.first.dims):
             rows_, columns = p.box[-2:]
-            inner = by_column.reshape(*op.controls.where.shape[1:], len(states), len(states))[rows_, columns]
+            inner = by_column.reshape(*op.controls.where.shape[1:], len(before), len(before))[rows_, columns]
             mixed = np.einsum("m...yx,yxmn->n...yx", stack, inner)
         else:
             mixed = np.einsum("m...,mn->n...", stack, everywhere)

@@ -61,6 +61,9 @@ def run(request: CalibrateRequest) -> None:
         f"{table['matches']} matches by {found.by}, lens {table['lens']}: median {table['median_px']:.2f} px, held out "
         f"{table['held_out_px']:.2f} px ({table['held_out_deg']:.3f} degrees)"
     )
+    for info in found.frames:
+        if info.doubt:
+            click.echo(one_line(f"note: {info.path}: {info.doubt}"), err=True)
     for line in found.cannot_tell:
         click.echo(f"cannot tell {one_line(line)}")
     click.echo(one_line(", ".join(map(str, [*written, report]))))

@@ -5,7 +5,17 @@ from typing import Any
 
 import click
 
-from openswim.cli.options import PATH, QUALITIES, debug, frame_clock, frame_options, frame_times, quality, solver
+from openswim.cli.options import (
+    PATH,
+    QUALITIES,
+    debug,
+    frame_clock,
+    frame_options,
+    frame_times,
+    member,
+    quality,
+    solver,
+)
 
 
 @click.command(short_help="Find a fisheye camera's lens and mount from its frames.")
@@ -43,6 +53,7 @@ def calibrate(**options: Any) -> None:
 @frame_times
 @click.option("--aod", type=float, help="Aerosol optical depth at 550 nm.  [default: the model's; of --clear .1]")
 @click.option("--albedo", type=float, help="Of the ground below the clear sky.  [default: the model's; of --clear .15]")
+@member
 @solver("swim", "fast")
 @quality
 @click.option("--detail/--no-detail", default=None,

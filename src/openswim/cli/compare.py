@@ -38,6 +38,7 @@ class CompareRequest:
     utc_offset_h: float | None = None
     aod: float | None = None
     albedo: float | None = None
+    member: int | None = None
     solver: str = "fast"
     quality: str | None = None
     detail: bool | None = None
@@ -77,12 +78,17 @@ def run(request: CompareRequest) -> None:
     content = camera_content(request)
     settings = settings_of(request.settings())
     tell_without_obstacles(request.camera_file, content, settings.lowest_deg)
+    if request.clear and request.member is not None:
+        raise UserError("--member belongs to a MODEL; leave it out with --clear")
     if request.quality is not None and request.solver != "fast":
         raise UserError(f"--quality belongs to --solver fast; leave it out with {request.solver}")
     solver = Solver(request.solver, quality=request.quality or "standard")
     preload()
-    skies = skies_of(model, solver, request.aod, request.albedo, None, len(listed) > 1, request.detail)
+    skies = skies_of(model, solver, request.aod, request.albedo, None, len(listed) > 1, request.detail,
+                     request.member)  # fmt: skip
     known = known_camera(content, settings, request.clear_frame, solver, skies)
+    if known.doubt:
+        click.echo(one_line(f"note: {request.clear_frame}: {known.doubt}"), err=True)
     jobs = 1 if len(listed) == 1 else jobs
     progress = Progress(jobs)
     done = compare_into(skies, listed, content, settings, known, request.output, request.time, progress.tell,

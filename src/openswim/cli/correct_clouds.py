@@ -68,6 +68,8 @@ def run(request: CorrectCloudsRequest) -> None:
         passes=request.passes, hold_out=request.hold_out, base_m=request.base_m, thickness_m=request.thickness_m,
         solver=Solver("fast", quality=request.quality), **settings,
     )  # fmt: skip
+    if "doubt" in history.attrs:
+        click.echo(one_line(f"note: {history.attrs['doubt']}"), err=True)
     for number in history["edit"].values:
         used, unused = (history[f"r_{name}"].sel(edit=number).mean("camera").item() for name in ("used", "unused"))
         of_unused = f", {unused:.3f} of pixels that were not used" if request.hold_out else ""
@@ -92,7 +94,9 @@ def _tell_time(request: CorrectCloudsRequest, frame: Path, camera: "CameraFile")
     from openswim.comparison.skies import Skies
     from openswim.observations import read_frame
 
-    seen = read_frame(frame, request.time, camera.frames).time
-    model = Skies(str(request.model)).state_at(seen)[0]
+    seen = read_frame(frame, request.time, camera.frames)
+    if seen.doubt:
+        click.echo(one_line(f"note: {frame}: {seen.doubt}"), err=True)
+    model = Skies(str(request.model)).state_at(seen.time)[0]
     if model is not None:
-        tell_when_far(seen, model, "frame")
+        tell_when_far(seen.time, model, "frame")

@@ -46,6 +46,7 @@ class IrradianceRequest:
     station: Path | None = None
     fit: str | None = None
     plot: Path | None = None
+    member: int | None = None
     solver: str = "fast"
 
 
@@ -55,6 +56,8 @@ def run(request: IrradianceRequest) -> None:
 
     if request.clear == bool(request.files):
         raise UserError("give a model's FILES, or --clear for a clear sky")
+    if request.clear and request.member is not None:
+        raise UserError("--member belongs to a model's FILES; leave it out with --clear")
     if request.output is None and request.plot is None and request.station is None:
         raise UserError("--output missing: give -o irradiance.nc (or .csv)")
     if request.output is not None and request.output.suffix.lower() not in (".nc", ".csv"):
@@ -115,7 +118,7 @@ def _alone(request: IrradianceRequest) -> xr.Dataset:
         )  # fmt: skip
         times = _times(request, None)
     else:
-        scene = Series.open(request.files, around=(lat, lon))
+        scene = Series.open(request.files, around=(lat, lon), member=request.member)
         own = scene.times if scene.times.size > 1 else np.array([scene.scene(0).time], "datetime64[ms]")
         times = _times(request, None if np.isnat(own).any() else own)
         _tell(scene, lat, lon, times, request)
@@ -223,7 +226,7 @@ def _beside_station(request: IrradianceRequest) -> tuple[xr.Dataset, xr.Dataset,
     if request.clear:
         return _clear_beside(request, station)
     lat, lon = station.attrs["latitude"], station.attrs["longitude"]
-    scenes = Series.open(request.files, around=(lat, lon))
+    scenes = Series.open(request.files, around=(lat, lon), member=request.member)
     station = station.isel(time=_thinned(request, station))
     if scenes.times.size > 1:
         station = station.sel(time=slice(scenes.times[0], scenes.times[-1]))

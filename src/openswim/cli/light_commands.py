@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from openswim.cli.options import PATH, SOLVERS, debug, quality, solver
+from openswim.cli.options import PATH, SOLVERS, debug, member, quality, solver
 
 
 @click.command(short_help="Global, direct and diffuse irradiance through time.")
@@ -37,6 +37,7 @@ from openswim.cli.options import PATH, SOLVERS, debug, quality, solver
 @click.option("--fit", type=click.Choice(("beam", "first-half", "second-half")),
               help="Of --clear: fit the aerosol to the station's DNI, of all clear times or half of them.")  # fmt: skip
 @click.option("--plot", type=PATH, help="Picture of model and station, .png.")
+@member
 @solver()
 @click.option("-o", "--output", type=PATH, help="File to write, .nc or .csv.")
 @debug
@@ -65,6 +66,7 @@ def irradiance(**options: Any) -> None:
 @click.option("--time",
               help="UTC, of the model and its light.  [default: the model's nearest to the observed picture's, in the "
               "latter's light; without such a picture the model's first]")  # fmt: skip
+@member
 @solver()
 @click.option("-o", "--output", "outputs", type=PATH, multiple=True, help=".nc or .tif to write.")
 @debug

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _HIGH_M = 36e6  # imagers stand so high, or higher
 _NEAREST_KM, _FARTHEST_KM = 6.6e3, 2e6  # as of Pixels
 _DISC_DEG, _DISC_PIXELS = 0.62, 512  # field of EPIC: the whole disc and a little beside it; its pixels each way
+_BESIDE, _EARTH_KM = 1.02, 6378.2  # from nearer by the disc is wider, and so is the field
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class SatelliteRequest:
     imager: str = "goes-16 abi"
     bands: tuple[str, ...] = ()
     time: str | None = None
+    member: int | None = None
     solver: str = "fast"
 
 
@@ -105,13 +107,14 @@ def _alone(request: SatelliteRequest, bands: list[Band]) -> None:
     else:
         whole = named_grid(request.imager, request.grid or "full", request.lon_0)
         lat, lon = 0.0, whole.lon_0
-    scene = openswim.open_scene(request.files, time=parse_time(request.time),
+    scene = openswim.open_scene(request.files, time=parse_time(request.time), member=request.member,
                                 around=Neighbourhood.seen_from(lat, lon, _HIGH_M))  # fmt: skip
     if scene.time is None:
         raise UserError("the model's files tell no time, by which the sun is placed: give --time")
     if request.disc is not None:
         _announce(scene, (size, size), bands, request.solver)
-        grid = Pixels.disc(lat, lon, 1000 * distance_km, _DISC_DEG, size)
+        field_deg = max(_DISC_DEG, 2 * _BESIDE * np.degrees(np.arcsin(_EARTH_KM / distance_km)))
+        grid = Pixels.disc(lat, lon, 1000 * distance_km, field_deg, size)
     else:
         grid, every = shown_part(whole, scene.levels[-1].grid, request.every)
         some = "" if every == 1 else f", each {every}. of the imager's"
@@ -168,7 +171,7 @@ def _beside(request: SatelliteRequest, bands: list[Band], like: Path) -> None:
     if chosen is None and start is not None:
         times = [parse_time(each) for each in describe(request.files).times]
         chosen = min((each for each in times if each is not None), key=lambda each: abs(each - start), default=None)
-    scene = openswim.open_scene(request.files, time=chosen, around=around)
+    scene = openswim.open_scene(request.files, time=chosen, around=around, member=request.member)
     if request.time is None and start is not None and scene.time is not None:
         tell_when_far(start, scene.time, "picture")
     _announce(scene, grid.shape, bands, request.solver)

@@ -103,12 +103,14 @@ def correct_clouds(
         raise UserError("correct_clouds: this scene has no grid: give a model with clouds on levels")
     layer = typical_layer(scene, base_m, thickness_m)
     levels = _levels(scene, layer)
-    eyes = []
+    eyes, doubts = [], []
     for n, (frame, content) in enumerate(zip(read, contents, strict=True)):
         known = known_camera(content, chosen, clear_frames[n] if clear_frames else None, solver, skies)
+        doubts += [f"{known.source}: {known.doubt}"] if known.doubt else []
         ready = prepared(frame, content.camera, encoding_of(chosen, content), chosen.size)
         eyes.append(_eye(Skies(scene, solver, None, None, sun), scene, ready, known, chosen, hold_out, levels))
-    return _passes(scene, layer, eyes, passes, solver, sun)
+    best, history = _passes(scene, layer, eyes, passes, solver, sun)
+    return best, history.assign_attrs(doubt="; ".join(doubts)) if doubts else history
 
 
 def _passes(

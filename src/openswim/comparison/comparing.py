@@ -32,6 +32,7 @@ def compare(
     albedo: float | None = None,
     sun: tuple[float, float] | None = None,
     detail: bool | None = None,
+    member: int | None = None,
     **settings: Any,
 ) -> xr.Dataset:
     """Compare frames of a camera with what a model would show it (docs/compare.md).
@@ -44,13 +45,14 @@ def compare(
     clear_frame : a frame of the same camera under a clear sky, which gives its response and white balance.
     aod, albedo : of the clear sky in place of the default or the model's; aerosol is never fitted.
     detail : whether to see more of near clouds and land than the model knows; by default of a single frame only.
+    member : of an ensemble in the model's files, by its own number; by default the first.
     settings : `size` (columns to average to), `sun_mask_deg`, `lowest_deg`, `encoding`, `ghi_w_m2`, `dhi_w_m2` (what a
         pyranometer beside the camera measures), `aod_range`.
     """
     content = camera_content(camera)
     chosen = settings_of(settings)
     listed = [frames] if isinstance(frames, SkyFrame | str | os.PathLike) else list(frames)
-    skies = skies_of(model, solver, aod, albedo, sun, len(listed) > 1, detail)
+    skies = skies_of(model, solver, aod, albedo, sun, len(listed) > 1, detail, member)
     known = known_camera(content, chosen, clear_frame, solver, skies)
     if len(listed) != 1:
         return scores_over_time(skies, listed, content, chosen, known)

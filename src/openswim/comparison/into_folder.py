@@ -212,7 +212,8 @@ def _model_mark(skies: Skies) -> Any:
     if not skies.of_files:
         return _mark_of_scene(skies.model) if isinstance(skies.model, Scene | LitScene) else "clear"
     try:
-        return [(str(path), *size_and_change(path)) for path in files_of(skies.model)]  # type: ignore[arg-type]
+        files: list[Any] = [(str(path), *size_and_change(path)) for path in files_of(skies.model)]  # type: ignore[arg-type]
+        return files if skies.member is None else [*files, skies.member]
     except OSError:  # it will be told when it is opened
         return str(skies.model)
 

@@ -77,7 +77,8 @@ def compare_frame(
     there = open_pixels(ready, sun, settings.sun_mask_deg, settings.lowest_deg)
     if skies.sun is None:
         place = skies.place_of_camera(content.camera, ready.time)
-        scores.attrs["doubt"] = doubt(frame, content.camera, ready, simulated, region, sun[1], place, known.red_blue)
+        odd = doubt(frame, content.camera, ready, simulated, region, sun[1], place, known.red_blue)
+        scores.attrs["doubt"] = "; ".join(filter(None, (frame.doubt, odd)))
     whole = pixels.solid_angle_sr[there].sum()
     scores.attrs["share_of_sky_used"] = round(float(region.weight.sum() / whole), 4) if whole > 0 else 0.0
     distance = rounded(pixels.angle_to_deg(*sun), _ANGLE_BITS)
@@ -252,7 +253,8 @@ def _attributes(
         "encoding": str(frame.encoding),
         "aerosol_optical_depth_550": skies.aerosol_depth(frame.camera, frame.time),
         "aerosol_note": AEROSOL_NOTE,
-        "response_from": known.source if known.curves is not None else "this frame, each half of the sky by the other",
+        "response_from": "this frame, each half of the sky by the other" if known.curves is None
+        else "; ".join(filter(None, (known.source, known.doubt))),
         "reasons": "\n".join(dict.fromkeys(reasons)),
     }
     if known.red_blue is not None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from openswim.arguments import check_kind, number, paths, whole
 from openswim.cameras import Camera
 from openswim.cameras.files import CameraFile, checked_encoding, read_camera
-from openswim.comparison.cloud_rules import departure
+from openswim.comparison.cloud_rules import departure, log_red_blue
 from openswim.comparison.prepared import SIZE, prepared, valid_pixels
 from openswim.comparison.response import Curve, fit_curve
 from openswim.comparison.scores import Region
@@ -25,6 +25,11 @@ from openswim.solver import Solver
 F64 = NDArray[np.float64]
 SUN_MASKS_DEG = (5.0, 12.0)  # Albers et al. 2020, Sect. 4.2.3 and Table 4
 DEFAULT_AOD = 0.1  # of a clear sky at 550 nm: a usual value over land, taken and never fitted
+
+_HIGH_DEG = 10.0  # of the sun, by which a clear sky is blue
+# Mean r of red over blue and of green with the clear sky's: 12 clear frames .9 and more, of lenses that see trees .5; 3
+# overcast ones of 3 cameras .33 at most, whichever way they are turned
+_LEAST_ALIKE = 0.4
 
 
 @dataclass(frozen=True)
@@ -53,18 +58,19 @@ class Settings:
 @dataclass(frozen=True, eq=False)
 class KnownCamera:
     """What is known of a camera's response: curves from its light to radiance, answers from radiance to its light, and
-    white balance, and what they were found from."""
+    white balance, what they were found from, and what speaks against that, half a sentence."""
 
     curves: list[Curve] | None = None
     answers: list[Curve] | None = None
     red_blue: float | None = None
     scale: F64 | None = None
     source: str = ""
+    doubt: str = ""
 
 
 def skies_of(
     model: Model, solver: str | Solver, aod: float | None, albedo: float | None, sun: Any = None, table: bool = False,
-    detail: bool | None = None,
+    detail: bool | None = None, member: int | None = None,
 ) -> Skies:  # fmt: skip
     """The skies of a model, checked."""
     if not (model is None or isinstance(model, Scene | LitScene)):
@@ -76,7 +82,9 @@ def skies_of(
     if isinstance(model, LitScene) and aod is not None:
         raise UserError("compare: the light of this model is solved: leave out aod, or give the scene")
     aod = DEFAULT_AOD if model is None and aod is None else aod
-    return Skies(model, solver, aod, albedo, sun, table, detail)
+    if member is not None and (model is None or isinstance(model, Scene | LitScene)):
+        raise UserError("compare: member is of a model's files: leave it out, or give these")
+    return Skies(model, solver, aod, albedo, sun, table, detail, member)
 
 
 def frame_of(frame: Any, content: CameraFile, time: Any = None, alone: bool = True) -> SkyFrame:
@@ -108,8 +116,26 @@ def known_camera(
     red_blue = given.red_blue
     if red_blue is None and linear.shape[1] == 3:
         red_blue = weighted_median(departure(linear, sky), region.weight)
+    by_day = clear.sun_at(camera, frame.time)[1] > _HIGH_DEG
+    odd = _unlike_clear(linear, sky) if by_day and linear.shape[1] == 3 else ""
     return KnownCamera(
-        [c for c in curves if c is not None], [c for c in answers if c is not None], red_blue, scale, frame.name
+        [c for c in curves if c is not None], [c for c in answers if c is not None], red_blue, scale, frame.name,
+        "; ".join(filter(None, (seen.doubt, odd))),
+    )  # fmt: skip
+
+
+def _unlike_clear(linear: F64, sky: F64) -> str:
+    """What is to be told of a clear frame that has neither the colours nor the light of a clear sky where it has them:
+    linear and sky are (n, 3), of the frame and of the clear sky."""
+    pairs = (log_red_blue(linear), log_red_blue(sky)), (linear[:, 1], sky[:, 1])
+    if not all(one.std() > 0 and other.std() > 0 for one, other in pairs):
+        return ""
+    alike = float(np.mean([np.corrcoef(*pair)[0, 1] for pair in pairs]))
+    if not alike < _LEAST_ALIKE:
+        return ""
+    return (
+        f"colours and light of this clear frame do not lie as in a clear sky (r {alike:.2f}): is it cloudy, or of "
+        "another camera, time or zone?"
     )
 
 

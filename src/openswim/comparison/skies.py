@@ -49,6 +49,7 @@ class Skies:
     sun: tuple[float, float] | None = None  # in place of the frames' times
     table: bool = False  # clear skies by interpolation in solar altitude: for many frames
     detail: bool | None = None
+    member: int | None = None  # of an ensemble
     _lit: tuple[Any, LitScene] | None = field(default=None, repr=False)
     _clear: dict[Any, LitScene] = field(default_factory=dict, repr=False)
     _tables: dict[Any, ClearTable] = field(default_factory=dict, repr=False)
@@ -125,7 +126,7 @@ class Skies:
         if camera.lat is not None and camera.lon is not None:
             around = Neighbourhood.seen_from(camera.lat, camera.lon, camera.height_m, True)
         chosen, files = self.state_at(time)
-        return open_scene(files, time=chosen, around=around)
+        return open_scene(files, time=chosen, around=around, member=self.member)
 
     def state_at(self, time: np.datetime64) -> tuple[np.datetime64 | None, list[Path]]:
         """The model's time that is nearest to another, and the files that hold it."""

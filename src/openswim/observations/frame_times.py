@@ -25,16 +25,18 @@ _ZONE = re.compile(
     r"(?<![A-Za-z])(?:UTC|GMT)(?:([pm+-])(\d{1,2})(?::?([0-5]\d)|(\.\d+))?)?(?![A-Za-z\d])", re.IGNORECASE
 )
 _ZULU = re.compile(r"T\d{2}[-_.:]?\d{2}(?:[-_.:]?\d{2})?(?:[.,]\d+)?Z(?![A-Za-z\d])")  # as ISO 8601 has it
+_OFFSET = re.compile(r"([+-])(0\d|1[0-4]):([0-5]\d)")  # as EXIF has it
 _LONGEST_EXPOSURE_S = 3600.0
 _NAME = "the frame a name such as sky_20240620_110000.jpg"
 
 
 @dataclass(frozen=True)
 class FrameTime:
-    """The middle of the exposure (UTC) and who says so."""
+    """The middle of the exposure (UTC), who says so, and what speaks against it, half a sentence."""
 
     time: np.datetime64
     source: str
+    doubt: str = ""
 
 
 def frame_time(
@@ -58,7 +60,8 @@ def frame_time(
             )
         return FrameTime(_utc(path, local, stated if stated is not None else settings.utc_offset_h, option), "name")
     if "DateTimeOriginal" in exif:
-        return FrameTime(_of_exif(path, exif, settings.utc_offset_h, option), "EXIF and half of the exposure")
+        when, doubt = _of_exif(path, exif, settings.utc_offset_h, option)
+        return FrameTime(when, "EXIF and half of the exposure", doubt)
     raise UserError(
         f"{path}: neither its name nor its metadata tell the time: give {option}{_NAME}, or say by time_pattern in the "
         "camera's file (--time-pattern) how its name tells it"
@@ -134,16 +137,22 @@ def _of_fits(path: Path, header: dict[str, Any], option: str) -> np.datetime64:
     return _utc(path, start, 0.0, option, header.get("EXPTIME", header.get("EXPOSURE")))
 
 
-def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None, option: str) -> np.datetime64:
-    text = exif["DateTimeOriginal"]
+def _of_exif(path: Path, exif: dict[str, str], offset_h: float | None, option: str) -> tuple[np.datetime64, str]:
+    """The zone that is told goes before EXIF's, which is set by hand; where they differ, half a sentence says so."""
+    text, zone, doubt = exif["DateTimeOriginal"], exif.get("OffsetTimeOriginal", ""), ""
     try:
         start = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")
-        zone = exif.get("OffsetTimeOriginal", "")
         if zone and offset_h is None:
             start = datetime.strptime(f"{text} {zone}", "%Y:%m:%d %H:%M:%S %z")
     except ValueError:
         raise UserError(f"{path}: EXIF time {shown(text)} is none: give {option}{_NAME}") from None
-    return _utc(path, start, offset_h, option, exif.get("ExposureTime"))
+    own = _OFFSET.fullmatch(zone)
+    if own and offset_h is not None and abs(float(f"{own[1]}1") * (int(own[2]) + int(own[3]) / 60) - offset_h) > 1e-3:
+        doubt = (
+            f"its EXIF says UTC{zone}, and utc_offset_h {offset_h:g} (--utc-offset, or in the camera's file) is taken: "
+            "leave that out if EXIF is right"
+        )
+    return _utc(path, start, offset_h, option, exif.get("ExposureTime")), doubt
 
 
 def _half(exposure_s: Any) -> timedelta:

@@ -33,6 +33,7 @@ class FrameInfo:
     time: np.datetime64
     time_source: str
     shape: tuple[int, int]
+    doubt: str = ""  # what speaks against its time, half a sentence
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class SkyFrame:
     time_source: str
     full_scale: float
     saturated: float  # from this count on a pixel says nothing
+    doubt: str = ""  # what speaks against its time, half a sentence
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -53,7 +55,7 @@ class SkyFrame:
     @property
     def info(self) -> FrameInfo:
         """All but the counts."""
-        return FrameInfo(self.path, self.time, self.time_source, self.shape)
+        return FrameInfo(self.path, self.time, self.time_source, self.shape, self.doubt)
 
     @property
     def green(self) -> NDArray[np.float32]:
@@ -85,7 +87,7 @@ def read_frame(
     # JPEG and the like blur what is cut off: a few counts below the end are full too
     end = full_scale * (0.98 if full_scale < 256 else 0.999)
     saturated = settings.saturated_count or min(end, _cut_off(picture.counts))
-    return SkyFrame(path, picture.counts, when.time, when.source, full_scale, saturated)
+    return SkyFrame(path, picture.counts, when.time, when.source, full_scale, saturated, when.doubt)
 
 
 def _cut_off(counts: NDArray[Any]) -> float:

@@ -18,7 +18,7 @@ from openswim.readers.common.asked import winds_asked
 from openswim.readers.common.base import SceneInfo, Time
 from openswim.readers.common.bounds import references_allowed
 from openswim.readers.common.kept import handed_over
-from openswim.readers.common.members import OneMember
+from openswim.readers.common.members import OneMember, of_member
 from openswim.readers.domain.beyond import with_beyond
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood
@@ -66,7 +66,8 @@ def open_scene(
     with references_allowed(allow_references), handed_over(), winds_asked(winds), np.errstate(all="ignore"):
         groups: dict[Any, list[Path]] = dict(by_reader(paths, times_of))
         if member is not None:
-            groups = {OneMember(reader, whole("member", member)): own for reader, own in groups.items()}
+            chosen = whole("member", member)
+            groups = {OneMember(reader, chosen): of_member(reader, own, chosen) for reader, own in groups.items()}
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
     scene.notes += [note for note in astray(scene) if note not in scene.notes]  # of one that was kept with it
     if member is not None:
@@ -116,7 +117,8 @@ def members_of(path: Paths, allow_references: bool = False) -> list[int]:
     with references_allowed(allow_references), handed_over():
         groups = by_reader(files_of(path))
         found = [reader.members(each) for reader, own in groups.items() if hasattr(reader, "members") for each in own]
-    return sorted(set().union(*found))
+    every = sorted(set().union(*found))
+    return [] if every == [0] else every  # what a single run is called
 
 
 def _described(reader: Any, paths: Sequence[Path]) -> list[SceneInfo]:

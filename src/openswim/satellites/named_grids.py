@@ -43,7 +43,10 @@ def named_grid(imager: str, name: str = FULL, lon_0: float | None = None) -> Fix
     """
     satellite, _, sensor = imager.rpartition(" ")
     if sensor not in _SCANS:
-        raise UserError(f"--grid: {imager} has no fixed grid; imagers that have one are {', '.join(_SCANS)}")
+        raise UserError(
+            f"--grid: {imager} has no fixed grid; imagers that have one are {', '.join(_SCANS)}: give --disc, or make "
+            "openswim.satellites.Pixels of places that you know"
+        )
     if name not in NAMES or (name == CONUS and sensor != "abi"):
         raise UserError(f"--grid {name}: {imager} has {' and '.join(NAMES if sensor == 'abi' else NAMES[:1])}")
     own = _WEST if satellite in _WEST else _EAST

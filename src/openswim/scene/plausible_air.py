@@ -39,6 +39,8 @@ def check_temperature(temperature: NDArray[np.float32], height_m: NDArray[np.flo
 
 def check_pressure(pressure: NDArray[np.float32], height_m: NDArray[np.float32], heights: NDArray[np.float32]) -> None:
     """Near that of the standard atmosphere, falling with height, by as much as air of a sane temperature makes it."""
+    if not _falls(pressure):
+        raise UserError("scene: air_pressure rises with height: levels out of order or upside down, or a damaged field")
     for level, height in zip(pressure, height_m, strict=True):
         low, high = float(np.min(height)), float(np.max(height))
         if high > _KNOWN_TO_M:
@@ -52,8 +54,6 @@ def check_pressure(pressure: NDArray[np.float32], height_m: NDArray[np.float32],
                     f"scene: air_pressure is {found:.4g} Pa at {low:.0f} m, where air has about {expected:.4g} Pa"
                     f"{f', {smell}' if smell else ''}: is it in Pa, is it the whole pressure, and heights in metres?"
                 )
-    if not _falls(pressure):
-        raise UserError("scene: air_pressure rises with height: levels out of order or upside down, or a damaged field")
     sample = np.maximum(sampled(pressure), 1e-3)
     fall = np.log(sample[:-1] / sample[1:]).mean(axis=(1, 2), dtype=np.float64)
     thick = np.diff(heights, axis=0).mean(axis=(1, 2), dtype=np.float64)

@@ -29,6 +29,7 @@ RARE = {
 _HIGH_DEG = 10.0  # sun by which global and direct light are told apart
 _DIM_W_M2 = 50.0  # below it parts are not compared
 _BEAM_W_M2, _MOST_BEAMS, _FEWEST_BEAMS = 200.0, 60, 12  # values of direct light that tell where the sun is
+_MOST_BOUNDS, _BEYOND, _MOST_SHARE = 400, 0.05, 1.15  # values; share of them beyond a bound; of direct light in global
 _MINUTES_STEP = 10
 _MINUTES = np.arange(-720, 721, _MINUTES_STEP)  # that a clock may be off
 _TOLD_MINUTES = 30  # less is within what instruments disagree by
@@ -113,9 +114,12 @@ def told_of_means(station: xr.Dataset) -> str:
 
 
 def told_of_swap(station: xr.Dataset) -> str:
-    """What is to be told of columns of global and direct light that have each other's names, as diffuse light says."""
-    if not {"ghi", "dni", "dhi"} <= set(station):
+    """What is to be told of columns of global and direct light that have each other's names, as diffuse light says, or
+    without it what cannot be."""
+    if not {"ghi", "dni"} <= set(station):
         return ""
+    if "dhi" not in station:
+        return _told_by_bounds(station)
     ghi, dni, dhi = (station[name].values for name in ("ghi", "dni", "dhi"))
     rows = np.flatnonzero(np.isfinite(ghi + dni + dhi) & (np.maximum(ghi, dni) > _DIM_W_M2))
     if rows.size < _FEWEST_BEAMS:
@@ -136,6 +140,30 @@ def told_of_swap(station: xr.Dataset) -> str:
     return (
         "ghi and dni agree with dhi and the sun when they are swapped, and not as they are: see which column is which"
     )
+
+
+def _told_by_bounds(station: xr.Dataset) -> str:
+    """Global light is no less than direct light's share of it, below clouds above all, and has a bound, near which it
+    would be while the sun is low and clear."""
+    ghi, dni = station.ghi.values, station.dni.values
+    rows = np.flatnonzero(np.isfinite(ghi + dni) & (np.maximum(ghi, dni) > _DIM_W_M2))
+    rows = rows[np.unique(np.linspace(0, rows.size - 1, _MOST_BOUNDS).astype(int))] if rows.size else rows
+    if rows.size < _FEWEST_BEAMS:
+        return ""
+    track = sun_of(station.isel(time=rows))
+    mu0 = np.maximum(np.sin(np.radians(track.refracted_altitude_deg)), 0.0)
+    _, factor, power, more = POSSIBLE["ghi"]
+    most = factor * SOLAR_CONSTANT_W_M2 / track.distance_au**2 * mu0**power + more
+    as_it_is, swapped = (
+        int(((level > most) | (beam * mu0 > _MOST_SHARE * level + _DIM_W_M2))[mu0 > 0].sum())
+        for level, beam in ((ghi[rows], dni[rows]), (dni[rows], ghi[rows]))
+    )
+    by_night = int((track.altitude_deg < _NIGHT_DEG).sum())
+    if by_night > _NIGHTS * rows.size:  # the clock is off
+        return ""
+    if as_it_is < max(_FEWEST_BEAMS, _BEYOND * rows.size) or as_it_is < _TIMES_BETTER**2 * swapped:
+        return ""
+    return "ghi and dni are possible beside the sun when they are swapped, not as they are: see which column is which"
 
 
 class _SunByBeam(NamedTuple):

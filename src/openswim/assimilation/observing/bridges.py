@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from openswim.arguments import shown
 from openswim.assimilation.observing.linearization import Linearization
 from openswim.assimilation.observing.rows import Rows
 from openswim.errors import UserError
@@ -78,9 +79,11 @@ def as_jax(operator: Rows) -> Any:
 
 
 def as_torch(operator: Rows) -> Any:
-    """``f(*controls)``: a row of observations in double precision, with `backward`.
+    """``f(*controls)``: a row of observations in double precision, with `backward`, also for what `torch.func` is built
+    of.
 
-    The work is done on the CPU; values and gradients come back on the devices of the controls.
+    The work is done on the CPU; values and gradients come back on the devices of the controls. Gradients are first
+    order, in reverse mode. What `torch.func.vmap` maps over is done one after the other.
     """
     try:
         import torch
@@ -88,17 +91,55 @@ def as_torch(operator: Rows) -> Any:
         raise UserError("as_torch needs PyTorch: pip install torch") from None
     latest = _Latest(operator)
 
-    class Observe(torch.autograd.Function):
+    def plain(arrays: tuple[Any, ...]) -> list[F64]:
+        return [a.detach().double().cpu().numpy() for a in arrays]
+
+    class Alone(torch.autograd.Function):
+        """What is computed of one member at a time."""
+
+        @classmethod
+        def vmap(cls, info: Any, in_dims: tuple[int | None, ...], *arrays: Any) -> Any:
+            given = list(zip(arrays, in_dims, strict=True))
+            each = [
+                cls.apply(*(a if dim is None else a.select(dim, n) for a, dim in given)) for n in range(info.batch_size)
+            ]
+            if isinstance(each[0], tuple):
+                return tuple(map(torch.stack, zip(*each, strict=True))), (0,) * len(each[0])
+            return torch.stack(each), 0
+
+    class Back(Alone):
         @staticmethod
-        def forward(ctx: Any, *arrays: Any) -> Any:
-            ctx.save_for_backward(*arrays)
-            value = latest.at([a.detach().double().cpu().numpy() for a in arrays]).value.values
+        def forward(bar: Any, *arrays: Any) -> Any:
+            bars = latest.back(plain(arrays), bar.detach().double().cpu().numpy())
+            return tuple(torch.from_numpy(b.copy()).to(a) for a, b in zip(arrays, bars, strict=True))
+
+        @staticmethod
+        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+            pass
+
+        @staticmethod
+        def backward(ctx: Any, *bars: Any) -> Any:
+            raise UserError("as_torch: gradients are of first order: leave out what differentiates one again")
+
+    class Observe(Alone):
+        @staticmethod
+        def forward(*arrays: Any) -> Any:
+            value = latest.at(plain(arrays)).value.values
             return torch.from_numpy(value.copy()).to(arrays[0].device)
 
         @staticmethod
-        def backward(ctx: Any, bar: Any) -> Any:
-            arrays = ctx.saved_tensors
-            bars = latest.back([a.detach().double().cpu().numpy() for a in arrays], bar.detach().double().cpu().numpy())
-            return tuple(torch.from_numpy(b.copy()).to(a) for a, b in zip(arrays, bars, strict=True))
+        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+            ctx.save_for_backward(*inputs)
 
-    return Observe.apply
+        @staticmethod
+        def backward(ctx: Any, bar: Any) -> Any:
+            return Back.apply(bar, *ctx.saved_tensors)
+
+    def observe(*arrays: Any) -> Any:
+        for a in arrays:
+            if not isinstance(a, torch.Tensor) or a.is_complex():
+                found = "complex numbers" if isinstance(a, torch.Tensor) else shown(a)
+                raise UserError(f"as_torch: {found}: give a tensor of real numbers for each control")
+        return Observe.apply(*arrays)
+
+    return observe

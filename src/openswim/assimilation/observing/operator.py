@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from openswim.arguments import check_kind
 from openswim.assimilation.observing.linearization import Linearization
 from openswim.assimilation.observing.observations import observations
 from openswim.assimilation.observing.rows import Rows
@@ -29,10 +30,10 @@ class Operator(Rows):
         a state like it, from whose light this one's is begun, which is quicker."""
         return Linearization.about(self, state, near)
 
-    def ensemble(self, states: Iterable[xr.Dataset]) -> xr.DataArray:
+    def ensemble(self, states: Iterable[xr.Dataset] | xr.Dataset) -> xr.DataArray:
         """H(x) of members, (member, observation). Members do not know of each other: several processes or threads may
         share the work."""
-        rows = [self(each).values for each in states]
+        rows = [self(each).values for each in listed(states, "ensemble")]
         if not rows:
             raise UserError("ensemble: there are no states")
         return xr.DataArray(np.stack(rows), dims=("member", "observation"), coords=self._coords)
@@ -52,3 +53,13 @@ class Operator(Rows):
         from openswim.assimilation.observing.bridges import as_torch
 
         return as_torch(self)
+
+
+def listed(states: Iterable[xr.Dataset] | xr.Dataset, what: str) -> list[xr.Dataset]:
+    """The states of members: several, or one Dataset along ``member``."""
+    if isinstance(states, xr.Dataset):
+        if "member" not in states.dims:
+            raise UserError(f"{what}: this is a single state: give a list of states, or one Dataset along member")
+        return [states.isel(member=n, drop=True) for n in range(states.sizes["member"])]
+    check_kind(f"{what}: states", states, Iterable, "give a list of states, or one Dataset along member")
+    return list(states)

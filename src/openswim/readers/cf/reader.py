@@ -21,7 +21,7 @@ from openswim.readers.common.base import (
     pick_time,
 )
 from openswim.readers.common.bounds import check_size
-from openswim.readers.common.members import MEMBER_DIMS, member_index, member_numbers
+from openswim.readers.common.members import MEMBER_DIMS, check_ensemble, member_index, member_numbers
 from openswim.readers.common.opening import opened, opened_part, outlined, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.readers.fields.absent import no_ground, no_sizes, no_species
@@ -190,10 +190,8 @@ def _lost_times(data: xr.Dataset, wanted: Time) -> list[str]:
 
 
 def _of_member(path: Path, data: xr.Dataset, member: int | None, notes: list[str]) -> xr.Dataset:
-    chosen = member_index(path, data, member, notes)
-    if member is not None and not chosen:
-        raise UserError(f"{path}: no ensemble members in it: leave out member (--member)")
-    return data.isel(chosen)
+    check_ensemble(path, [data], member)
+    return data.isel(member_index(path, data, member, notes) or {})
 
 
 def _at_time(path: Path, data: xr.Dataset, time: Time) -> tuple[xr.Dataset, np.datetime64 | None]:

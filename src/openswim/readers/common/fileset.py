@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from openswim.arguments import shown
 from openswim.errors import UserError
-from openswim.readers.common.base import naming, pick_time
+from openswim.readers.common.base import iso, naming, pick_time
 from openswim.readers.common.bounds import check_size
-from openswim.readers.common.members import MEMBER_DIMS, member_index
+from openswim.readers.common.members import MEMBER_DIMS, check_ensemble, member_index
 from openswim.readers.common.opening import opened, reading
 from openswim.readers.common.pieces import check_clock, lost_pieces
 from openswim.scene.labels.units import check_decimals, conversion, has_value
@@ -97,13 +97,27 @@ class FileSet:
             for part in self.parts
             if part.calendar
         ]
-        ensembles = [any(dim in part.data.dims for dim in MEMBER_DIMS) for part in self.parts]
-        if member is not None and not any(ensembles):
-            raise UserError(f"{self.path}: no ensemble members in it: leave out member (--member)")
-        for part, chosen, several in zip(self.parts, self._chosen, ensembles, strict=True):
-            if chosen is not None and several:
-                chosen |= member_index(part.path, part.data, member, notes)
+        check_ensemble(self.path, (part.data for part in self.parts), member)
+        here = [(n, part) for n, part in enumerate(self.parts) if self._chosen[n] is not None]
+        for n, part in here:
+            beside = [other.data for _, other in here if other is not part and _on_levels(part) & _on_levels(other)]
+            own = member_index(part.path, part.data, member, notes, beside)
+            self._chosen[n] = None if own is None else own | (self._chosen[n] or {})
+        self._check_once()
         return self.time, list(dict.fromkeys(notes))
+
+    def _check_once(self) -> None:
+        """Raise UserError where all that a file has on levels is in another one too, with other values."""
+        here = [(part, chosen) for part, chosen in zip(self.parts, self._chosen, strict=True) if chosen is not None]
+        for n, (part, chosen) in enumerate(here):
+            for before, first in here[:n]:
+                own = _on_levels(part)
+                doubled = bool(own) and own <= _on_levels(before)
+                if doubled and not _alike(part.path, part.data, before.data, own, chosen, first):
+                    at = "" if self.time is None else f" at {iso(self.time)}"
+                    raise UserError(
+                        f"{before.path} and {part.path} both hold {', '.join(sorted(own)[:3])}{at}: open one of them"
+                    )
 
     def __iter__(self) -> Iterator[xr.DataArray]:
         """Every variable at the chosen time, lazily, without time and ensemble dimensions."""
@@ -204,6 +218,26 @@ def _choice(part: Part, time: np.datetime64 | None) -> dict[Any, int] | None:
     if "expver" in part.data.dims:
         chosen["expver"] = _stream(part.data, chosen)
     return chosen
+
+
+def _on_levels(part: Part) -> set[str]:
+    """What a file has on levels."""
+    every = {str(name): field for name, field in part.data.data_vars.items()}
+    apart = {*part.time_dims, *MEMBER_DIMS, "expver"}
+    return {name for name, field in every.items() if len(set(field.dims) - apart) > 2}
+
+
+def _alike(
+    path: Path, one: xr.Dataset, other: xr.Dataset, names: set[str], at: dict[Any, int], there: dict[Any, int]
+) -> bool:
+    """Whether variables are the same in two files."""
+    for name in sorted(names):
+        mine, theirs = (data[name].isel({d: i for d, i in chosen.items() if d in data[name].dims})
+                        for data, chosen in ((one, at), (other, there)))  # fmt: skip
+        check_size(path, name, mine.shape)
+        if mine.size != theirs.size or not np.allclose(mine.values.ravel(), theirs.values.ravel(), 0, 0, True):
+            return False
+    return True
 
 
 def _stream(data: xr.Dataset, chosen: dict[Any, int]) -> int:

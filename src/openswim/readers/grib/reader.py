@@ -31,7 +31,7 @@ from openswim.readers.fields.aerosol_beyond import Haze
 from openswim.readers.fields.air import precipitable_water_kg_m2, with_vapour
 from openswim.readers.fields.cover import XU_RANDALL
 from openswim.readers.grib.aerosol import aerosol, kinds
-from openswim.readers.grib.columns import Air, Columns, air_of, kind_and_grid, terrain_of
+from openswim.readers.grib.columns import LEVEL_KINDS, Air, Columns, air_of, kind_and_grid, terrain_of
 from openswim.readers.grib.fields import (
     SPLIT,
     condensate,
@@ -115,10 +115,9 @@ class GRIBReader:
             )
 
     def members(self, path: Path) -> set[int]:
-        """Of an ensemble, by their own numbers; files of one run call it 0, which is no ensemble."""
+        """Of an ensemble, by their own numbers; 0 also of a single run."""
         with naming(path), reading(path), GRIBFile(path) as file:
-            found = {one.member for one in file.fields if one.kind != "surface"}
-            return set() if found == {0} else found
+            return set(_members(file.fields))
 
     def describe(self, path: Path) -> SceneInfo:
         """What a file holds, from its headers and the heights of the first time (of 21 columns across the middle)."""
@@ -193,10 +192,15 @@ def _columns(
     # terrain, land and heights of levels may come once, with the analysis
     fields += [one for one in file.fields if one.valid != valid and (one.name == "land" or _is_place(one))]
     notes = _late(file, fields[0], valid)
-    members = sorted({one.member for one in fields if one.kind != "surface"} or {0})
-    if len(members) > 1 or member is not None:
-        shown = members[picked(file.path, members, member, notes)]
-        fields = [one for one in fields if one.member == shown or (one.member == 0 and one.kind == "surface")]
+    members = _members(fields)
+    shown = members[picked(file.path, members, member, notes)]
+    if len(members) > 1:
+        own = [one for one in fields if one.member == shown]
+        theirs = {(one.name, one.kind, one.level) for one in own}
+        # what all members share may come once, as of no ensemble
+        fields = own + [
+            o for o in fields if o.member == 0 and _is_shared(o) and (o.name, o.kind, o.level) not in theirs
+        ]
     chosen = kind_and_grid(fields)
     kind, definition = chosen if chosen is not None else ("", fields[0].grid)
     fields = [one for one in fields if one.grid == definition]
@@ -242,6 +246,16 @@ def _check_order(file: GRIBFile, layout: GribGrid, fields: list[Field], kind: st
     warm = [one for one in fields if one.kind == kind and one.name == "temperature"]
     for one in (*terrain[:1], *warm[len(warm) // 2 :][:1]):
         check_order(f"{file.path}: {one.name} (message {one.number})", layout, file.values(one))
+
+
+def _members(fields: list[Field]) -> list[int]:
+    """Those with temperatures on levels, where there are any; 0 of a single run."""
+    warm = {one.member for one in fields if one.kind in LEVEL_KINDS and one.name == "temperature"}
+    return sorted(warm or {one.member for one in fields if one.kind != "surface"} or {0})
+
+
+def _is_shared(one: Field) -> bool:
+    return one.kind not in LEVEL_KINDS or (one.kind == "hybrid" and one.name in ("height", "geopotential"))
 
 
 def _is_place(one: Field) -> bool:

@@ -17,6 +17,7 @@ Axis = tuple[NDArray[Any], str]  # places, and the unit they are in
 _CELL, _FLOAT32 = 0.01, 2e-7  # rounding: of the smallest step, and of the largest number
 _LENGTHS = ["x", "xh", "xu", "y", "yh", "yv", "z", "zh", "zw", "zt", "height", "altitude", "alt", "easting", "northing"]
 _ANGLES = ["x", "y", "lon", "longitude", "lat", "latitude", "rlon", "rlat", "grid_longitude", "grid_latitude"]
+_PRESSURES = ["pressure", "plev", "pressure_level", "isobaric", "isobaricinhpa"]
 _UNITLESS = {  # names of dimensions that stand for places in this unit where they say none; others may be numbering
     "m": [*_LENGTHS, "projection_x_coordinate", "projection_y_coordinate"],
     "degrees": _ANGLES,
@@ -36,7 +37,26 @@ def aligned(what: str, values: Any, dims: Sequence[str], axes: Mapping[str, Axis
         if axis in axes and own in values.coords:
             order = _order(what, values.coords[own], axis, *axes[axis])
             values = values if order is None else values.isel({own: order})
+        if axis == "z":
+            rises = not ("z" in axes and falls(axes["z"][0]))
+            for name, coordinate in values.coords.items():
+                if coordinate.dims == (own,):
+                    _check_pressures(what, str(name), coordinate, rises)
     return values
+
+
+def _check_pressures(what: str, name: str, coordinate: xr.DataArray, rises: bool) -> None:
+    """Raise UserError where values lie on pressures that rise where heights do."""
+    said = str(coordinate.attrs.get("units", "")) or ("Pa" if name.lower() in _PRESSURES else "1")
+    if coordinate.dtype.kind not in "iuf" or conversion(said, "Pa") is None:
+        return
+    upside_down = (np.diff(coordinate.values.astype(np.float64)) > 0) == rises
+    if coordinate.size > 1 and upside_down.all():
+        way, dim = "rise" if rises else "fall", coordinate.dims[0]
+        raise UserError(
+            f"{what} lies on pressures of {_range(coordinate.values)} {said} ({name}), which {way} while heights do: "
+            f"turn it over, isel({dim}=slice(None, None, -1))"
+        )
 
 
 def falls(places: NDArray[Any]) -> bool:
