@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, box, grid_scene
+from tests.transport.scenes import LAT, LON, WAVELENGTH_NM, box, grid_scene, laid_scene
 
 from openswim.cameras import Camera
 from openswim.errors import UserError
@@ -140,5 +140,27 @@ def test_high_quality_divides_wide_cells_once_more_where_nodes_are_few_enough() 
         shape = (20, columns, columns)
         own = fineness_of(shape, 1e5, True, True)
         finer[columns] = fineness_of(shape, 1e5, True, True, halve=True) / own
-        assert 20 * (columns * own * finer[columns]) ** 2 < 18e6
+        assert 20 * (columns * own * finer[columns]) ** 2 < 15e6
     assert finer == {10: 1, 26: 2, 40: 1}
+
+
+def test_traces_of_cloud_above_the_air_cost_no_levels() -> None:
+    """As IFS has them up to 66 km: light is as without them, on half of the levels; what is seen keeps its own."""
+    z = np.concatenate([np.arange(0.0, 6e3, 500.0), np.arange(6e3, 60.1e3, 1500.0)])
+    x, cloud = 20e3 * (np.arange(20) - 9.5), np.zeros((len(z), 20, 20), np.float32)
+    cloud[3:8, 4:15, 3:12] = 2e-3
+    found = {}
+    for name, above in (("none", 0.0), ("traces", 1e-9), ("seen", 1e-6)):
+        field = cloud.copy()
+        field[z > 20e3] = above
+        scene = laid_scene(field, x, x, z, air=True, surface_albedo=0.2)
+        lit = solved(scene)
+        found[name] = lit.fluxes(), len(lit.plan.medium.own_levels_m)  # type: ignore[union-attr]
+    assert found["traces"][1] == found["none"][1] < found["seen"][1] - 20
+    for name, flux in found["none"][0].items():
+        np.testing.assert_allclose(found["traces"][0][name], flux, rtol=1e-4, atol=1e-5)
+
+
+def test_clouds_broken_by_their_cover_are_swept_on_few_nodes_alone() -> None:
+    """Of cells of 20 km: 7 x 6 columns are divided until each is lit by itself, and with quality high further."""
+    assert [fineness_of((58, 6, 7), 20e3, True, True, halve) for halve in (False, True)] == [16, 32]

@@ -176,17 +176,17 @@ def test_depths_through_a_random_field(azimuth: float, altitude: float, periodic
 
 
 @pytest.mark.parametrize(
-    ("azimuth", "altitude", "most"), [(115, 40, 0.13), (20, 70, 0.022), (115, 20, 0.3), (20, 6, 0.26)]
+    ("azimuth", "altitude", "most"), [(115, 40, 0.13), (20, 70, 0.022), (115, 20, 0.24), (20, 6, 0.19)]
 )
 def test_depths_between_wide_cells(azimuth: float, altitude: float, most: float) -> None:
     """Rays that move by less than a cell through clouds are read after eight levels, which smears a tenth of what two
-    noisy cells differ by; those that move by more three times on the clouds' height, a quarter; the mean stays."""
+    noisy cells differ by; those that move by more three times on the clouds' height by cubics, a sixth."""
     rng = np.random.default_rng(azimuth)
     nz, ny, nx, cell = 81, 17, 29, np.array([19e3, 15e3, 150.0])
     field = 1e-4 * (gaussian_filter(rng.random((nz, ny, nx)), [3.0, 0.7, 0.7], mode="wrap") - 0.4).clip(0)
     sun = toward(azimuth, altitude)
     depth, expected = depth_to_sun(field, sun, tuple(cell), True, True)[0], _straight(field, sun, cell, True)
-    assert depth.mean() == pytest.approx(expected.mean(), rel=1e-3)
+    assert depth.mean() == pytest.approx(expected.mean(), rel=1e-4)
     apart = np.sqrt(((depth - expected) ** 2).mean() / expected.var())
     assert apart < most
 

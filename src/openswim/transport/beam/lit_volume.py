@@ -12,7 +12,7 @@ from openswim.transport.air.dimmed import Dimmed
 from openswim.transport.beam.depth_basis import factors_of, mixtures
 from openswim.transport.beam.direct import direct_beam, ground_beam, shadow_rows
 from openswim.transport.beam.sun_sweep import inside, sun_sweep, weighted
-from openswim.transport.beam.within_cells import bend_cells
+from openswim.transport.beam.within_cells import bent
 from openswim.transport.engine.compiled import kernel
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.interpolation import bilinear
@@ -258,10 +258,7 @@ def beams_and_shadows(
     )  # fmt: skip
     lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
     if volume.bend.size:
-        in_threads(
-            bend_cells, depths.depth, coefficients[0].scaled, local_sun, medium.levels_m,
-            np.array(medium.cell_m, float), True, volume,
-        )  # fmt: skip
+        bent(volume, medium, depths.depth[0], coefficients[0].scaled, local_sun, rooted=True)
     if relief:
         in_threads(
             ground_beam, depths.depth, depths.scaled, local_sun, medium.levels_m, medium.terrain_m,

@@ -20,75 +20,126 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.beam.sun_sweep import BEYOND
+from openswim.transport.beam.sun_sweep import BEYOND, weighted
 from openswim.transport.engine.compiled import REORDERED, kernel, part
-from openswim.transport.engine.pack import PACK, flat, put
+from openswim.transport.engine.pack import LANES, PACK, choose_above, flat, largest, put, read_quadruple, write
+from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
+from openswim.transport.march.volume import Volume
+from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 
 ASIDE = 0.005  # share of v^2 below which v_i^2 would tell of rounding more than of light
-_MOST = 2.0  # times the change of the depth along an axis
-_LEAST = -2.0  # by then light has all of a cell, and does not grow
+_ASIDE = FLOAT(ASIDE)
+_MOST = FLOAT(2.0)  # times the change of the depth along an axis
+_LEAST = FLOAT(-2.0)  # by then light has all of a cell, and does not grow
+_ZERO, _ONE, _TWO, _HALF, _QUARTER = FLOAT(0.0), FLOAT(1.0), FLOAT(2.0), FLOAT(0.5), FLOAT(0.25)
+_THIRD, _FOUR = FLOAT(1 / 3), FLOAT(4.0)
 
 
 @part(REORDERED, inlined=True)
-def _over_root(rise):
-    """c of a straight line over the square of a straight line from 1 to e^(-rise/2), which keeps the mean light within
-    2 %: rise^2/4 where that is small, rise where it is large."""
-    return rise * rise / (64.0 + rise * rise * rise) ** (1.0 / 3.0)
+def _least_of(a, b):
+    return choose_above(a, b, b, a)
+
+
+@part(REORDERED, inlined=True)
+def _most_of(a, b):
+    return choose_above(a, b, a, b)
+
+
+@part(REORDERED, inlined=True)
+def _size(a):
+    return choose_above(a, _ZERO, a, _ZERO - a)
 
 
 @part(REORDERED)
-def _cell(t, e, v, rooted, bend, at):
-    """c along x, y, z of one cell, from depths and extinctions (8,) at its corners, z y x in binary, into ``bend``;
-    where ``rooted``, for the square of a line between roots, else for a line between depths."""
-    square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    for axis in range(3):
-        one = 1 << axis
-        own, mean, most = 0.0, 0.0, 0.0
-        for n in range(8):
-            if n & one:
-                continue
-            rise = t[n | one] - t[n]
-            mean += 0.25 * rise
-            most = max(most, abs(rise))
-            own += 0.25 * (e[n | one] - e[n])
-            for other in range(3):
-                if other != axis:
-                    # mean of the two mixed differences: over the fourth of n it counts four times
-                    own += 0.5 * v[other] * (rise if n & (1 << other) else -rise)
-        c = own * v[axis] / (2.0 * (v[axis] * v[axis] + ASIDE * square))
-        c = min(max(c, -_MOST * most), _MOST * most)
-        put(bend, at + axis, FLOAT(max(c + _over_root(abs(mean)), _LEAST) if rooted else c))
+def _over_root(rise):
+    """c of a straight line over the square of a straight line from 1 to e^(-rise/2), which keeps the mean light within
+    2 %: rise^2/4 where that is small, rise where it is large, rise^2 / (64 + rise^3)^(1/3) in all."""
+    greater, less = _most_of(rise, _FOUR), _least_of(rise, _FOUR)
+    ratio = less / greater
+    rest = ratio * ratio * ratio  # the cube root of 1 + this, by a quotient and a step of Newton's: within 7e-5
+    near = (_ONE + _TWO * _THIRD * rest) / (_ONE + _THIRD * rest)
+    near = _THIRD * (_TWO * near + (_ONE + rest) / (near * near))
+    return rise * rise / (greater * near)
+
+
+@part(REORDERED)
+def _along(r00, r10, r01, r11, extinction_rise, own_v, v_a, v_b, least_v2, rooted):
+    """c along an axis on whose four edges depths rise by ``r``, told by where these are on the other two axes, a and b,
+    on which light goes at ``v_a`` and ``v_b`` cells per metre; packs of cells, see `bend_cells`."""
+    mean = _QUARTER * (r00 + r10 + r01 + r11)
+    most = _MOST * _most_of(_most_of(_size(r00), _size(r10)), _most_of(_size(r01), _size(r11)))
+    # means of the two mixed differences
+    own = extinction_rise + _HALF * (v_a * (r10 - r00 + r11 - r01) + v_b * (r01 - r00 + r11 - r10))
+    c = own * own_v / (_TWO * (own_v * own_v + least_v2))
+    c = _least_of(_most_of(c, _ZERO - most), most)
+    return _most_of(c + _over_root(_size(mean)), _LEAST) if rooted else c
 
 
 @kernel(REORDERED)
-def bend_cells(t, threads, depth, weights, sun, levels_m, cell_m, rooted, volume):
+def bend_cells(t, threads, depth, extinction, way, levels_m, free, rooted, periodic, bend):
     """`Volume.bend` of thread t's levels: of the cells with cloud at a corner, the others stay zero.
 
-    depth: to the sun, see `sun_sweep`, of which the first field is meant, with ``weights`` (species,) of the species'
-    extinctions; sun (ny, nx, 3): toward it, in each column's axes; ``rooted``: see `_cell`.
+    depth, extinction (nz, ny, BEYOND + nx + BEYOND + 1): `beyond_sides`, to the sun and of the species; way (3, ny,
+    nx + LANES): toward it, in cells per metre along x and y, and its cosine with z; free: `Volume.free`; ``rooted``:
+    for the square of a line between roots, else for a line between depths.
     """
-    nz, ny, nx, nc = volume.fields.shape
-    width = depth.shape[3]
-    taus, betas, v = np.empty(8), np.empty(8), np.empty(3)
+    nz, ny, nx = bend.shape[0], bend.shape[1], bend.shape[2]
+    width, of_way = depth.shape[2], way.shape[2]
+    last_j, last_i = (ny, nx) if periodic else (ny - 1, nx - 1)
+    found = np.empty(4 * LANES, FLOAT)
     for k in range(t, nz - 1, threads):
-        for j in range(ny if volume.periodic else ny - 1):
-            for i in range(nx if volume.periodic else nx - 1):
-                node = (k * ny + j) * nx + i
-                if flat(volume.free, node) > 0:
+        per_m = FLOAT(1.0 / (levels_m[k + 1] - levels_m[k]))
+        for j in range(last_j):
+            row, next_row = k * ny + j, k * ny + (j + 1) % ny
+            for i in range(0, last_i, LANES):
+                a, b = row * width + BEYOND + i, next_row * width + BEYOND + i
+                c, d = a + ny * width, b + ny * width
+                e000, e001 = read_quadruple(extinction, a), read_quadruple(extinction, a + 1)
+                e010, e011 = read_quadruple(extinction, b), read_quadruple(extinction, b + 1)
+                e100, e101 = read_quadruple(extinction, c), read_quadruple(extinction, c + 1)
+                e110, e111 = read_quadruple(extinction, d), read_quadruple(extinction, d + 1)
+                cloud = e000 + e001 + e010 + e011 + (e100 + e101 + e110 + e111)
+                if not largest(cloud) > _ZERO:
                     continue
-                cloud = 0.0
-                for n in range(8):
-                    x, y, z = (i + (n & 1)) % nx, (j + (n >> 1 & 1)) % ny, k + (n >> 2)
-                    corner = (z * ny + y) * nx + x
-                    taus[n] = flat(depth, (z * ny + y) * width + BEYOND + x)
-                    betas[n] = 0.0
-                    for s in range(weights.shape[0]):
-                        betas[n] += weights[s] * flat(volume.fields, corner * nc + 2 * PACK + s)
-                    cloud += betas[n]
-                if cloud > 0.0:
-                    v[0], v[1] = sun[j, i, 0] / cell_m[0], sun[j, i, 1] / cell_m[1]
-                    v[2] = sun[j, i, 2] / (levels_m[k + 1] - levels_m[k])
-                    _cell(taus, betas, v, rooted, volume.bend, node * PACK)
+                t000, t001 = read_quadruple(depth, a), read_quadruple(depth, a + 1)
+                t010, t011 = read_quadruple(depth, b), read_quadruple(depth, b + 1)
+                t100, t101 = read_quadruple(depth, c), read_quadruple(depth, c + 1)
+                t110, t111 = read_quadruple(depth, d), read_quadruple(depth, d + 1)
+                at = j * of_way + i
+                vx, vy = read_quadruple(way, at), read_quadruple(way, ny * of_way + at)
+                vz = per_m * read_quadruple(way, 2 * ny * of_way + at)
+                least_v2 = _ASIDE * (vx * vx + vy * vy + vz * vz)
+                write(found, 0, _along(
+                    t001 - t000, t011 - t010, t101 - t100, t111 - t110,
+                    _QUARTER * (e001 - e000 + e011 - e010 + (e101 - e100 + e111 - e110)), vx, vy, vz, least_v2, rooted,
+                ))  # fmt: skip
+                write(found, LANES, _along(
+                    t010 - t000, t011 - t001, t110 - t100, t111 - t101,
+                    _QUARTER * (e010 - e000 + e011 - e001 + (e110 - e100 + e111 - e101)), vy, vx, vz, least_v2, rooted,
+                ))  # fmt: skip
+                write(found, 2 * LANES, _along(
+                    t100 - t000, t101 - t001, t110 - t010, t111 - t011,
+                    _QUARTER * (e100 - e000 + e101 - e001 + (e110 - e010 + e111 - e011)), vz, vx, vy, least_v2, rooted,
+                ))  # fmt: skip
+                write(found, 3 * LANES, cloud)
+                for m in range(min(LANES, last_i - i)):
+                    node = row * nx + i + m
+                    if found[3 * LANES + m] > _ZERO and flat(free, node) == 0:
+                        put(bend, node * PACK, found[m])
+                        put(bend, node * PACK + 1, found[LANES + m])
+                        put(bend, node * PACK + 2, found[2 * LANES + m])
+
+
+def bent(volume: Volume, medium: Medium, depth: F32, weights: F32, local_sun: F64, rooted: bool) -> None:
+    """Fill in `Volume.bend`. depth (nz, ny, ...): `beyond_sides`, to the sun, of the species' extinctions with
+    ``weights`` (ns,); local_sun (ny, nx, 3): toward it, in each column's axes; ``rooted``: see `bend_cells`."""
+    way = np.moveaxis(local_sun, -1, 0) / np.array([*medium.cell_m, 1.0])[:, None, None]
+    in_threads(
+        bend_cells, depth, weighted(medium.extinction, weights[None], medium.periodic)[0],
+        np.ascontiguousarray(np.pad(way, ((0, 0), (0, 0), (0, LANES))), FLOAT), medium.levels_m, volume.free, rooted,
+        volume.periodic, volume.bend,
+    )  # fmt: skip

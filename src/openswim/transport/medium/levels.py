@@ -17,7 +17,8 @@ _CELL_DEPTH = 0.7  # optical depth above which a cell is divided
 _MOST_PARTS, _MOST_LONE_PARTS = 16, 8  # and into how many; in columns lit each by itself, which divide cells further
 _FLATTEST = 0.05  # of a cell's depth across, that from below: flatter ones tell no more (decision 27, by Monte Carlo)
 _SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
-_AIR_TOP_M = 18_000.0  # of levels above a scene's own
+_AIR_TOP_M = 18_000.0  # of levels on which there is but air
+_FAINT_DEPTH = 3e-4  # above which models leave traces of ice on dozens of levels (IFS 1e-24 per metre at 66 km)
 _FINEST_M, _COARSEST_M, _FLATNESS = 100.0, 300.0, 0.1  # least distance of levels, and its share of a cell's width
 _TALLER, _TALLEST, _TALLEST_M = 2.0, 0.3, 2000.0  # than the last, of its height (haze thins out fast), and at all
 
@@ -48,6 +49,19 @@ def own_levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
     count_at = np.concatenate([[0.0], np.cumsum(0.5 * (1 / local[1:] + 1 / local[:-1]) * np.diff(probe))])
     count = int(np.clip(np.ceil(count_at[-1]), 8, _MOST_LEVELS))
     return np.interp(np.linspace(0, count_at[-1], count + 1), count_at, probe)
+
+
+def without_traces(levels: F64, heights: NDArray, total: F32) -> F64:
+    """The levels up to the first above which no column has more than `_FAINT_DEPTH` of the extinction ``total``
+    (nz, ny, nx), nor much air is left."""
+    own = heights[:, None, None] if heights.ndim == 1 else heights
+    depth, top_m = np.zeros(total.shape[1:], total.dtype), _AIR_TOP_M
+    for k in range(len(total) - 1, 0, -1):
+        depth += 0.5 * (total[k] + total[k - 1]) * (own[k] - own[k - 1])
+        if (there := depth > _FAINT_DEPTH).any():
+            top_m = max(top_m, float(np.broadcast_to(own[k], depth.shape)[there].max()))
+            break
+    return levels[: max(2, int(np.searchsorted(levels, top_m)) + 1)]
 
 
 def refined_levels(

@@ -24,6 +24,7 @@ from openswim.transport.medium.levels import (
     levels_above,
     own_levels,
     refined_levels,
+    without_traces,
 )
 from openswim.transport.medium.subdivision import halved
 
@@ -38,9 +39,10 @@ LIGHT_OF_COLUMNS = (
 _BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where their cover is known
 _MOST_FINER_NODES = 3_000_000
 _MOST_HALVED_NODES = 10_000_000
-_MOST_CLOUD_NODES, _MOST_PLAIN_NODES = 4_500_000, 8_000_000  # of clouds broken by their cover; without sweeps
+# Of clouds broken by their cover, swept: up to 18 CPU s; where they are to be halved, up to 40; and without sweeps
+_MOST_CLOUD_NODES, _MOST_HALVED_CLOUD_NODES, _MOST_PLAIN_NODES = 2_000_000, 4_500_000, 8_000_000
 # Of such clouds in wide cells, each column lit by itself: up to 14 CPU s; and where they are to be halved, up to 24
-_MOST_WIDE_NODES, _MOST_HALVED_WIDE_NODES = 11_500_000, 18_000_000
+_MOST_WIDE_NODES, _MOST_HALVED_WIDE_NODES = 9_500_000, 15_000_000
 WIDE_CELL_M = 1200.0  # cells that share less light than sweeps would smear between them
 _CELL_M, _CLOUD_CELL_M = 1500.0, 750.0  # wider cells are divided; where they are broken into clouds
 _WITHOUT_SIDES_M = 1e8
@@ -155,6 +157,8 @@ def plan_medium(matter: Matter, terrain_m: F32, mu_sun: float, asked: Fineness) 
         dx = dy = _WITHOUT_SIDES_M
         ny = nx = 1
     layered = asked.refine and sideless and matter.air is None and cover is None
+    if asked.extend and total is not None and not sideless:
+        levels = without_traces(levels, heights, total)
     if layered and total is not None:
         own_heights = heights.reshape(len(heights), -1)[:, 0]
         levels = layer_levels(levels, np.interp(levels, own_heights, total[:, 0, 0], 0.0, 0.0), mu_sun)
@@ -226,9 +230,10 @@ def fineness_of(shape: tuple[int, int, int], cell_m: float, broken: bool, refine
     ``halve``: see `Fineness`."""
     nz, ny, nx = shape
     most_wide = _MOST_HALVED_WIDE_NODES if halve else _MOST_WIDE_NODES
+    most_swept = _MOST_HALVED_CLOUD_NODES if halve else _MOST_CLOUD_NODES
     wanted, most = _CELL_M, _MOST_FINER_NODES
     if broken:
-        wanted, most = _CLOUD_CELL_M, _MOST_CLOUD_NODES if refine else _MOST_PLAIN_NODES
+        wanted, most = _CLOUD_CELL_M, most_swept if refine else _MOST_PLAIN_NODES
     fineness = 1
     while cell_m / fineness > wanted:
         wide = broken and refine and cell_m / (2 * fineness) >= WIDE_CELL_M

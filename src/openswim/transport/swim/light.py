@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from openswim.transport.beam.direct import direct_beam
 from openswim.transport.beam.lit_volume import depths_to_sun
-from openswim.transport.beam.sun_sweep import BEYOND, beyond_sides, inside
-from openswim.transport.beam.within_cells import bend_cells
+from openswim.transport.beam.sun_sweep import beyond_sides, inside, weighted
+from openswim.transport.beam.within_cells import bent
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
@@ -96,11 +96,8 @@ def light_grid(
 def _with_bends(medium: Medium, volume: Volume, backscatter_depth: F32, local_sun: F64) -> Volume:
     """The volume with what it lacks between nodes of a depth to the sun (nz, ny, nx), of the first wavelength."""
     volume = volume._replace(bend=np.zeros((*medium.shape, PACK), FLOAT))
-    depth = np.pad(backscatter_depth[None], ((0, 0), (0, 0), (0, 0), (BEYOND, BEYOND + 1)))
-    in_threads(
-        bend_cells, depth, np.ascontiguousarray(backscatter_weights(medium)[:, 0]), local_sun, medium.levels_m,
-        np.array(medium.cell_m, float), False, volume,
-    )  # fmt: skip
+    depth = weighted(backscatter_depth[None], np.ones((1, 1), FLOAT), medium.periodic)
+    bent(volume, medium, depth[0], backscatter_weights(medium)[:, 0], local_sun, rooted=False)
     return volume
 
 
