@@ -22,7 +22,7 @@ from openswim.transport.engine.pack import (
     spread_quadruple,
     write,
 )
-from openswim.transport.engine.scalar import table_index
+from openswim.transport.engine.scalar import greater, smaller, table_index
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import SUN_RADIUS_RAD
@@ -94,16 +94,6 @@ def _nodes_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
 
 
 @part(REORDERED, inlined=True)
-def _least_of(a, b):
-    return choose_above(a, b, b, a)
-
-
-@part(REORDERED, inlined=True)
-def _most_of(a, b):
-    return choose_above(a, b, a, b)
-
-
-@part(REORDERED, inlined=True)
 def _between(before, here, there, after, a):
     """The cubic through ``here`` and ``there`` that has the slopes of their neighbours, at share ``a`` of the way."""
     bend = before - _TWO * here + there
@@ -131,12 +121,12 @@ def _known_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
         if m == 0:
             before = value
         elif m == 1:
-            here, least, most = value, _least_of(one, two), _most_of(one, two)
+            here, least, most = value, smaller(one, two), greater(one, two)
         elif m == 2:
-            there, least, most = value, _least_of(least, _least_of(one, two)), _most_of(most, _most_of(one, two))
+            there, least, most = value, smaller(least, smaller(one, two)), greater(most, greater(one, two))
         else:
             after = value
-    return _least_of(_most_of(_between(before, here, there, after, b), least), most)
+    return smaller(greater(_between(before, here, there, after, b), least), most)
 
 
 @part(REORDERED)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from openswim.transport.beam.sun_sweep import BEYOND, weighted
 from openswim.transport.engine.compiled import REORDERED, kernel, part
 from openswim.transport.engine.pack import LANES, PACK, choose_above, flat, largest, put, read_quadruple, write
+from openswim.transport.engine.scalar import greater, smaller
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import Volume
@@ -40,16 +41,6 @@ _THIRD, _FOUR = FLOAT(1 / 3), FLOAT(4.0)
 
 
 @part(REORDERED, inlined=True)
-def _least_of(a, b):
-    return choose_above(a, b, b, a)
-
-
-@part(REORDERED, inlined=True)
-def _most_of(a, b):
-    return choose_above(a, b, a, b)
-
-
-@part(REORDERED, inlined=True)
 def _size(a):
     return choose_above(a, _ZERO, a, _ZERO - a)
 
@@ -58,12 +49,12 @@ def _size(a):
 def _over_root(rise):
     """c of a straight line over the square of a straight line from 1 to e^(-rise/2), which keeps the mean light within
     2 %: rise^2/4 where that is small, rise where it is large, rise^2 / (64 + rise^3)^(1/3) in all."""
-    greater, less = _most_of(rise, _FOUR), _least_of(rise, _FOUR)
-    ratio = less / greater
+    most = greater(rise, _FOUR)
+    ratio = smaller(rise, _FOUR) / most
     rest = ratio * ratio * ratio  # the cube root of 1 + this, by a quotient and a step of Newton's: within 7e-5
     near = (_ONE + _TWO * _THIRD * rest) / (_ONE + _THIRD * rest)
     near = _THIRD * (_TWO * near + (_ONE + rest) / (near * near))
-    return rise * rise / (greater * near)
+    return rise * rise / (most * near)
 
 
 @part(REORDERED)
@@ -71,12 +62,12 @@ def _along(r00, r10, r01, r11, extinction_rise, own_v, v_a, v_b, least_v2, roote
     """c along an axis on whose four edges depths rise by ``r``, told by where these are on the other two axes, a and b,
     on which light goes at ``v_a`` and ``v_b`` cells per metre; packs of cells, see `bend_cells`."""
     mean = _QUARTER * (r00 + r10 + r01 + r11)
-    most = _MOST * _most_of(_most_of(_size(r00), _size(r10)), _most_of(_size(r01), _size(r11)))
+    most = _MOST * greater(greater(_size(r00), _size(r10)), greater(_size(r01), _size(r11)))
     # means of the two mixed differences
     own = extinction_rise + _HALF * (v_a * (r10 - r00 + r11 - r01) + v_b * (r01 - r00 + r11 - r10))
     c = own * own_v / (_TWO * (own_v * own_v + least_v2))
-    c = _least_of(_most_of(c, _ZERO - most), most)
-    return _most_of(c + _over_root(_size(mean)), _LEAST) if rooted else c
+    c = smaller(greater(c, _ZERO - most), most)
+    return greater(c + _over_root(_size(mean)), _LEAST) if rooted else c
 
 
 @kernel(REORDERED)

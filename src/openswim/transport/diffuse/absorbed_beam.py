@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from openswim.transport.diffuse.optical_grid import OpticalGrid, total_extinction, with_ghosts
 from openswim.transport.engine.compiled import FINITE, kernel, part
 from openswim.transport.engine.pack import LANES, choose_above, read_quadruple, root, write
+from openswim.transport.engine.scalar import greater, smaller
 from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 
@@ -71,11 +72,11 @@ def cell_ratios(t, threads, beam, extinction, clear, sun, levels_m, cell_m, near
                 t110, t111 = read_quadruple(beam, m + width), read_quadruple(beam, m + width + 1)
                 told = (t000 * e000 + t001 * e001) + (t010 * e010 + t011 * e011)
                 told += (t100 * e100 + t101 * e101) + (t110 * e110 + t111 * e111)
-                least = _least(_least(_least(t000, t001), _least(t010, t011)), _least(
-                    _least(t100, t101), _least(t110, t111)
+                least = smaller(smaller(smaller(t000, t001), smaller(t010, t011)), smaller(
+                    smaller(t100, t101), smaller(t110, t111)
                 ))  # fmt: skip
-                most = _most(_most(_most(e000, e001), _most(e010, e011)), _most(
-                    _most(e100, e101), _most(e110, e111)
+                most = greater(greater(greater(e000, e001), greater(e010, e011)), greater(
+                    greater(e100, e101), greater(e110, e111)
                 ))  # fmt: skip
                 r000, r001, r010, r011 = root(t000), root(t001), root(t010), root(t011)
                 r100, r101, r110, r111 = root(t100), root(t101), root(t110), root(t111)
@@ -85,30 +86,20 @@ def cell_ratios(t, threads, beam, extinction, clear, sun, levels_m, cell_m, near
                 taken = vx * (_face(r001, r011, r101, r111) - _face(r000, r010, r100, r110))
                 taken += vy * (_face(r010, r011, r110, r111) - _face(r000, r001, r100, r101))
                 taken += vz * (_face(r100, r101, r110, r111) - _face(r000, r001, r010, r011))
-                brightest = _most(_most(_most(t000, t001), _most(t010, t011)), _most(
-                    _most(t100, t101), _most(t110, t111)
+                brightest = greater(greater(greater(t000, t001), greater(t010, t011)), greater(
+                    greater(t100, t101), greater(t110, t111)
                 ))  # fmt: skip
                 # not more than the thickest would take of the brightest
-                ratio = _least(taken, most * brightest) / (_EIGHTH * told + _TINY)
+                ratio = smaller(taken, most * brightest) / (_EIGHTH * told + _TINY)
                 # what is thin amends little: at the edge of another cloud's shadow it would seem to take more, or less
                 speed = root(vx * vx + vy * vy + vz * vz)
                 depth = _OFF * most / speed
-                aslant = speed / (_most(vz, _ZERO - vz) + _TINY) - _ASLANT
-                faded = _most(depth - _THICK, _ZERO) * _most(aslant, _ZERO) * (brightest / (least + _DARK))
-                ratio = _least(ratio, _ONE + depth + faded)
-                ratio = _most(_most(ratio, _ONE - depth), _ZERO)
+                aslant = speed / (greater(vz, _ZERO - vz) + _TINY) - _ASLANT
+                faded = greater(depth - _THICK, _ZERO) * greater(aslant, _ZERO) * (brightest / (least + _DARK))
+                ratio = smaller(ratio, _ONE + depth + faded)
+                ratio = greater(greater(ratio, _ONE - depth), _ZERO)
                 ratio = choose_above(least, _DARK, ratio, _ONE)
                 write(out, n, choose_above(most - air, _CLOUDY * most, ratio, _ONE))
-
-
-@part(FINITE, inlined=True)
-def _least(a, b):
-    return choose_above(a, b, b, a)
-
-
-@part(FINITE, inlined=True)
-def _most(a, b):
-    return choose_above(a, b, a, b)
 
 
 @kernel(FINITE)

@@ -39,6 +39,18 @@ def _recurrence() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 UP, BACK, ALONG = _recurrence()
 
 
+@part(FAST, inlined=True)
+def smaller(a, b):
+    """Of two packs, lane by lane."""
+    return choose_above(a, b, b, a)
+
+
+@part(FAST, inlined=True)
+def greater(a, b):
+    """Of two packs, lane by lane."""
+    return choose_above(a, b, a, b)
+
+
 @part(FAST, merged=True)
 def transmission(optical_depth):
     """exp(-optical_depth) for any depth >= 0, within 3e-7, and within 5e-4 of itself below 0; vectorises, unlike exp.
