@@ -41,7 +41,6 @@ _SOLVE_S_PER_NODE = 2.1e-6  # `fast`, per node of the grid and pack of wavelengt
 _COLUMN_NODE_S = 1.2e-6  # the same where every column is solved by itself
 _SWIM_NODE_S = 1.3e-6
 _SUNWARD_S, _HIGH_SUN_CELLS = 2.9e-8, 15  # per cloudy node and cell on its way to a low sun; those that all solves have
-_LONE_SUNWARD_S = 5e-8  # the same of columns solved by themselves: UM on cells of 2 km
 _CLOUD_TOP_M, _RADIUS_M, _NIGHT_DEG = 12e3, 6.37e6, -4.0
 _QUALITY = {"preview": 0.84, "standard": 1.0, "high": 2.0}  # of that, where there is cloud: 2.5, or 1.6 where
 # "high" has halved the cells; in clear air as many sweeps do
@@ -145,7 +144,7 @@ def _sunward_s(plan: MediumPlan, of_nodes: float, sun_deg: float) -> float:
     across_m = math.cos(altitude) * (math.sqrt(rise_m**2 + 2 * _RADIUS_M * _CLOUD_TOP_M) - rise_m)
     cells = min(across_m / min(plan.cell_m), sum(plan.columns) / 4)
     nodes = of_nodes * math.prod(plan.drawn_shape)
-    return (_LONE_SUNWARD_S if plan.stands_alone else _SUNWARD_S) * nodes * max(cells - _HIGH_SUN_CELLS, 0.0)
+    return _SUNWARD_S * nodes * max(cells - _HIGH_SUN_CELLS, 0.0)
 
 
 def mean_of(estimates: Sequence[Estimate]) -> Estimate:

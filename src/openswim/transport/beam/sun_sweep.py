@@ -40,10 +40,9 @@ _ALONG_PER_M = 1e-9  # cells per metre that a ray along a side may drift
 _APART, _LONGER = 0.2, 0.1  # cells between the ends of rays that go side by side, share by which one is longer
 _GAP = 3  # levels free of cloud that part one layer from another
 _DEEPEST_M = 5000.0  # below the grid, to which rays go on their way to a sun under the horizon
-_CLOUDS_M = 10_000.0  # height of clouds; in cells so wide that columns are lit each by itself rays are read,
+_CLOUDS_M = 10_000.0  # height of clouds; in cells so wide that columns are lit each by itself, rays are read,
 _FOLLOWED = 8  # where they move by less than a cell in it, after so many levels,
-_MOVED, _READ = (1.0, 8.0), (3.0, 8.0)  # and by more than so many, so often in it: views of IFS, GFS, UM and ERA5
-# that have the sun not in them keep within .4 % on the mean
+_RISE_M, _CELLS = 3300.0, 4.0  # else after such a rise or so many cells: views of IFS, GFS, UM, ERA5 keep within 1 %
 _MOST_STEPS = 256  # from one level to the next in a period, which a level ray goes through again and again
 
 
@@ -270,6 +269,18 @@ def _moved(ray, rise_m, radius_m):
 
 
 @part(REORDERED)
+def _read_on(k, last, ray, levels_m, radius_m):
+    """Level not above ``last`` on which a ray from level k that crosses cells is read."""
+    until = k + 1
+    while until < last:
+        risen_m = levels_m[until] - levels_m[k]
+        if risen_m >= _RISE_M or _moved(ray, risen_m, radius_m) >= _CELLS:
+            break
+        until += 1
+    return until
+
+
+@part(REORDERED)
 def _dip(above_m, radius_m):
     """Cosine of the zenith angle of a ray that starts so high above the level that it touches."""
     return -math.sqrt(2.0 * above_m / (radius_m + 2.0 * above_m))
@@ -308,14 +319,8 @@ def _row_to_sun(k, j, grid, scratch, ray, turn):
             _aim(sun[j, (i + end) // 2], cell_m, lowest, ray)
             far = False
             if wide and last > k + _FOLLOWED:
-                moved, rise_m = _moved(ray, _CLOUDS_M, radius_m), levels_m[k]
-                far = moved >= _MOVED[0]
-                if far:
-                    rise_m += _CLOUDS_M / (_READ[0] if moved < _MOVED[1] else _READ[1])
-                until = k + _FOLLOWED
-                while until < last and levels_m[until] < rise_m:
-                    until += 1
-                last = until
+                far = _moved(ray, _CLOUDS_M, radius_m) >= 1.0
+                last = _read_on(k, last, ray, levels_m, radius_m) if far else k + _FOLLOWED
             pieces = _pieces(ray, turn, levels_m[last] - levels_m[k], radius_m, end - i)
             for piece in range(pieces):
                 one, next_one = i + (end - i) * piece // pieces, i + (end - i) * (piece + 1) // pieces
@@ -380,10 +385,9 @@ def sun_sweep(
     ``sun`` (ny, nx, 3) in each column's own axes. Nodes marked ``exact`` follow their ray through the layer of cloud
     that they are in, or the next above, and read what lies beyond a gap on the level that ends it; the others go one
     level up and read there, which is cheap but blurs shadows by a cell per level. In wide cells rays that move by less
-    than a cell through clouds are followed for `_FOLLOWED` levels, others for a third of the clouds' height, or an
-    eighth where that is far; these are read by cubics. In all that smears by much less than a cell. Handles any sun,
-    also one below the horizon of a node on the curved Earth: the way up then starts downward. Depths are 0 where the
-    Earth hides the sun.
+    than a cell through clouds are followed for `_FOLLOWED` levels, others for a third of the clouds' height or four
+    cells; these are read by cubics. In all that smears by much less than a cell. Handles any sun, also one below the
+    horizon of a node on the curved Earth: the way up then starts downward. Depths are 0 where the Earth hides the sun.
     """
     cloudy = _cloudy_parts(extinction, periodic)
     filled = cloudy.any(axis=(1, 2))
