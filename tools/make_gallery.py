@@ -61,7 +61,7 @@ HRRR, SMOKE = "hrrr2d/hrrr_20180722t15z_wrfsfcf01_RMEidaho.grib2", "hrrr2d/hrrr_
 PICTURES = [
     ground("gfs", GFS, -38.0, 178.0, 0.0),
     space("gfs", GFS, -7.0, 178.0, 1.5e9, quality="high"),
-    space("gfs_geo", GFS, 0.0, -75.0, 35_786_000.0, sun_time="2011-10-11T17:00"),
+    space("gfs_geo", GFS, 0.0, -75.0, 35_786_000.0, sun_time="2011-10-11T17:00", quality="high"),
     ground("era5", ERA5, 50.0, -8.0),
     space("era5", ERA5, 47.5, 4.0, 1.2e6, framed=True),
     space("era5_geo", ERA5, 0.0, 0.0, 35_786_000.0),

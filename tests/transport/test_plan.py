@@ -149,13 +149,15 @@ def test_traces_of_cloud_above_the_air_cost_no_levels() -> None:
     z = np.concatenate([np.arange(0.0, 6e3, 500.0), np.arange(6e3, 60.1e3, 1500.0)])
     x, cloud = 20e3 * (np.arange(20) - 9.5), np.zeros((len(z), 20, 20), np.float32)
     cloud[3:8, 4:15, 3:12] = 2e-3
-    found = {}
+    found, plans = {}, {}
     for name, above in (("none", 0.0), ("traces", 1e-9), ("seen", 1e-6)):
         field = cloud.copy()
         field[z > 20e3] = above
         scene = laid_scene(field, x, x, z, air=True, surface_albedo=0.2)
         lit = solved(scene)
-        found[name] = lit.fluxes(), len(lit.plan.medium.own_levels_m)  # type: ignore[union-attr]
+        found[name], plans[name] = (lit.fluxes(), len(lit.plan.medium.own_levels_m)), lit.plan  # type: ignore[union-attr]
+    with pytest.raises(UserError, match=r"the plan's levels end .* km high, the scene has cloud up to 60\.0 km"):
+        solved(scene, plan=plans["none"])
     assert found["traces"][1] == found["none"][1] < found["seen"][1] - 20
     for name, flux in found["none"][0].items():
         np.testing.assert_allclose(found["traces"][0][name], flux, rtol=1e-4, atol=1e-5)

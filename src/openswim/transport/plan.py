@@ -47,6 +47,8 @@ class Plan:
         shape = () if matter.grid is None else matter.grid.shape
         if self.shape != shape:
             raise UserError(f"the plan is of a grid of {self.shape} nodes, the scene's has {shape}: solve without it")
+        if self.medium is not None and matter.grid is not None and not self.medium.parts:
+            self.medium.check_top(matter.grid, list(matter.species))
         if self.wider is not None and matter.wider is not None:
             self.wider.check(options, matter.wider)
 

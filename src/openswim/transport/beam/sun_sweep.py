@@ -109,8 +109,7 @@ def _known_at(grid, n, level, x, y, aside_x, aside_y, ny, nx, periodic):
     i = min(max(math.floor(x), 1 - BEYOND), nx - 1)
     a, b = FLOAT(x - i) + aside_x, FLOAT(y - j) + aside_y
     plane = (n * grid.shape[1] + level) * ny
-    rows = spread_quadruple(_ZERO)
-    before = here = there = after = least = most = rows
+    before = here = there = after = least = most = spread_quadruple(_ZERO)
     for m in range(4):
         row = j + m - 1
         row = row % ny if periodic else min(max(row, 0), ny - 1)

@@ -52,16 +52,20 @@ def own_levels(heights: NDArray, terrain: F32, extend: bool) -> F64:
 
 
 def without_traces(levels: F64, heights: NDArray, total: F32) -> F64:
-    """The levels up to the first above which no column has more than `_FAINT_DEPTH` of the extinction ``total``
-    (nz, ny, nx), nor much air is left."""
+    """The levels up to the first above which there is but air (`highest_cloud_m`), nor much of that is left."""
+    top_m = max(_AIR_TOP_M, highest_cloud_m(heights, total))
+    return levels[: max(2, int(np.searchsorted(levels, top_m)) + 1)]
+
+
+def highest_cloud_m(heights: NDArray, total: F32) -> float:
+    """Height above which no column has more than `_FAINT_DEPTH` of the extinction ``total`` (nz, ny, nx)."""
     own = heights[:, None, None] if heights.ndim == 1 else heights
-    depth, top_m = np.zeros(total.shape[1:], total.dtype), _AIR_TOP_M
+    depth = np.zeros(total.shape[1:], total.dtype)
     for k in range(len(total) - 1, 0, -1):
         depth += 0.5 * (total[k] + total[k - 1]) * (own[k] - own[k - 1])
         if (there := depth > _FAINT_DEPTH).any():
-            top_m = max(top_m, float(np.broadcast_to(own[k], depth.shape)[there].max()))
-            break
-    return levels[: max(2, int(np.searchsorted(levels, top_m)) + 1)]
+            return float(np.broadcast_to(own[k], depth.shape)[there].max())
+    return -np.inf
 
 
 def refined_levels(

@@ -5,6 +5,7 @@ What `build_medium` then makes is a function of this plan and of the values, smo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from openswim.transport.engine.pack import LANES
 from openswim.transport.medium.chart import check_span
 from openswim.transport.medium.levels import (
     halvings_for,
+    highest_cloud_m,
     large_levels,
     layer_levels,
     levels_above,
@@ -39,7 +41,8 @@ LIGHT_OF_COLUMNS = (
 _BROKEN_CELL_M = 5000.0  # wider cells are broken into clouds where their cover is known
 _MOST_FINER_NODES = 3_000_000
 _MOST_HALVED_NODES = 10_000_000
-# Of clouds broken by their cover, swept: up to 18 CPU s; where they are to be halved, up to 40; and without sweeps
+# Of clouds broken by their cover, swept: up to 18 CPU s; where they are to be halved, up to 40 by what 3.4 million take
+# (37); and without sweeps
 _MOST_CLOUD_NODES, _MOST_HALVED_CLOUD_NODES, _MOST_PLAIN_NODES = 2_000_000, 4_500_000, 8_000_000
 # Of such clouds in wide cells, each column lit by itself: up to 14 CPU s; and where they are to be halved, up to 24
 _MOST_WIDE_NODES, _MOST_HALVED_WIDE_NODES = 9_500_000, 15_000_000
@@ -113,6 +116,18 @@ class MediumPlan:
             raise UserError(
                 f"the plan is of {', '.join(self.species) or 'clear air'}, the scene has "
                 f"{', '.join(one.name for one in species) or 'none'}: solve without this plan"
+            )
+
+    def check_top(self, grid: Grid, species: Sequence[OpticalSpecies]) -> None:
+        """Refuse cloud above the plan's levels, which end above that of the scene that they were made for."""
+        top_m = float(self.own_levels_m[-1])
+        if not species or top_m >= grid.height_m[-1].min():  # levels as high as the grid hold any cloud
+            return
+        cloud_m = highest_cloud_m(grid.height_m, np.sum([s.extinction_per_m for s in species], axis=0))
+        if cloud_m > top_m:
+            raise UserError(
+                f"the plan's levels end {top_m / 1e3:.1f} km high, the scene has cloud up to {cloud_m / 1e3:.1f} km: "
+                "solve without this plan"
             )
 
 
