@@ -12,6 +12,7 @@ from openswim.scene import Scene
 from openswim.solver import Solver
 from openswim.transport import Field
 from openswim.transport.engine.decisions import Decisions
+from openswim.transport.medium import levels
 from openswim.transport.medium.plan import Fineness, fineness_of, plan_medium
 
 SHAPE, CELL_M = (14, 28, 28), 60.0
@@ -131,6 +132,29 @@ def test_columns_lit_each_by_itself_need_fewer_levels(cell_m: float, columns: in
     assert plan.stands_alone == (parts == 8)
     layers = np.diff(plan.own_levels_m)
     assert layers.min() == pytest.approx(2000.0 / parts)
+
+
+def test_layers_deep_in_an_overcast_are_divided_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A deck 5 km tall, uneven across: its fluxes, and what is seen of it from below and above, by half the levels."""
+    z, x = np.arange(0.0, 9e3, 500.0), 20e3 * (np.arange(20) - 9.5)
+    cloud = np.zeros((len(z), 20, 20), np.float32)
+    cloud[2:13] = 0.05 * (1 + 0.5 * np.sin(x / 60e3) * np.cos(x / 45e3)[:, None])
+    scene, found = laid_scene(cloud, x, x, z, air=True, surface_albedo=0.2), []
+    cameras = (Camera.allsky(LAT, LON, size=24), Camera.perspective(LAT, LON, 15e3, 0.0, -50.0, 60.0, size=(16, 12)))
+    for deep in (levels._DEEP, np.inf):
+        monkeypatch.setattr(levels, "_DEEP", deep)
+        lit = solved(scene)
+        assert lit.plan is not None
+        assert lit.plan.medium is not None
+        assert lit.plan.medium.stands_alone
+        views = [lit.view(camera.rays(lit.frame)).radiance for camera in cameras]
+        found.append((len(lit.plan.medium.own_levels_m), lit.fluxes(), views))
+    (count, fluxes, views), (full_count, full_fluxes, full_views) = found
+    assert count < 0.6 * full_count
+    for name, flux in full_fluxes.items():
+        np.testing.assert_allclose(fluxes[name], flux, rtol=1.8e-5, atol=1e-7)
+    for view, full in zip(views, full_views, strict=True):
+        np.testing.assert_allclose(view, full, rtol=5e-5)
 
 
 def test_high_quality_divides_wide_cells_once_more_where_nodes_are_few_enough() -> None:

@@ -20,7 +20,7 @@ _AROUND = (-2, -1, 1, 2)
 _FILLED = 0.9  # of a level's nodes: where most hold nothing, every small cloud stands out
 _EVEN = 1e-6  # of the mean, a spread that is rounding
 _OF_ALL = 1e-4  # of the highest value of all levels, under which a spike may be the rounding of 16 bits
-_NODES = 65_536  # of a level, of which as many rows are looked at
+_NODES = 65_536  # of a level, of which as many rows are looked at; and of levels that are looked at together
 
 
 def rough_levels(name: str, levels: NDArray[Any], roots: bool = False) -> list[str]:
@@ -32,7 +32,9 @@ def rough_levels(name: str, levels: NDArray[Any], roots: bool = False) -> list[s
         return []
     rows = np.arange(1, levels.shape[1] - 1, -(-levels[0].size // _NODES))
     least = _OF_ALL * max(float(levels.max()), -float(levels.min()))
-    spikes = np.array([_spike(level, rows, roots, least) for level in levels])
+    together = max(1, _NODES // (rows.size * levels.shape[2]))
+    parts = (levels[k : k + together] for k in range(0, len(levels), together))
+    spikes = np.concatenate([_spikes(part, rows, roots, least) for part in parts])
     known = np.isfinite(spikes)
     found = []
     for k in np.flatnonzero(known):
@@ -45,20 +47,20 @@ def rough_levels(name: str, levels: NDArray[Any], roots: bool = False) -> list[s
     return [f"{name} of {which} has values that stand out of all around them, as no other level has: damaged?"]
 
 
-def _spike(level: NDArray[Any], rows: NDArray[np.int64], roots: bool, least: float) -> float:
-    """How far a node of these inner rows lies above, or below, the mean of its two neighbours both ways, at most, in
-    standard deviations; zero where that is less than `least`, NaN where many nodes hold nothing, or all the same."""
-    below, value, above = (level[rows + n].astype(np.float64) for n in (-1, 0, 1))
-    if np.count_nonzero(value) < _FILLED * value.size:
-        return np.nan
+def _spikes(levels: NDArray[Any], rows: NDArray[np.int64], roots: bool, least: float) -> NDArray[np.float64]:
+    """How far a node of these inner rows of each level lies above, or below, the mean of its two neighbours both ways,
+    at most, in the level's standard deviations; zero where that is less than `least`, NaN where many nodes hold
+    nothing, or all the same."""
+    below, value, above = (levels[:, rows + n].astype(np.float64) for n in (-1, 0, 1))
+    filled = np.count_nonzero(value, axis=(1, 2)) >= _FILLED * value[0].size
     if roots:
         below, value, above = (np.sqrt(np.maximum(each, 0.0)) for each in (below, value, above))
-    mean, spread = float(value.mean()), float(value.std())
-    if not spread > _EVEN * abs(mean):
-        return np.nan
-    inner = value[:, 1:-1]
-    across = inner - 0.5 * (value[:, :-2] + value[:, 2:])
-    along = inner - 0.5 * (below + above)[:, 1:-1]
-    most = float(np.where(across * along > 0, np.minimum(np.abs(across), np.abs(along)), 0.0).max())
+    mean, spread = value.mean(axis=(1, 2)), value.std(axis=(1, 2))
+    known = filled & (spread > _EVEN * np.abs(mean))
+    inner = value[..., 1:-1]
+    across = inner - 0.5 * (value[..., :-2] + value[..., 2:])
+    along = inner - 0.5 * (below + above)[..., 1:-1]
+    most = np.where(across * along > 0, np.minimum(np.abs(across), np.abs(along)), 0.0).max(axis=(1, 2))
     as_given = most * (most + 2 * mean) if roots else most
-    return most / spread if as_given > least else 0.0
+    spikes = np.where(as_given > least, most, 0.0) / np.where(known, spread, 1.0)
+    return np.where(known, spikes, np.nan)

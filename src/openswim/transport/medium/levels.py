@@ -15,6 +15,9 @@ LAYERS_DEGREE = 32  # truncation order M of the light in layers without sides (`
 _CLOUDY_DEPTH = 0.05  # vertical optical depth of a layer that counts as cloud
 _CELL_DEPTH = 0.7  # optical depth above which a cell is divided
 _MOST_PARTS, _MOST_LONE_PARTS = 16, 8  # and into how many; in columns lit each by itself, which divide cells further
+# Delta-scaled depth behind which layers are divided into so many: an overcast looks the same within 5e-5, one of cover
+# .5 (as IFS has them) within .4 % rms from above and 1.2 % from below
+_DEEP, _DEEP_PARTS = 8.0, 2
 _FLATTEST = 0.05  # of a cell's depth across, that from below: flatter ones tell no more (decision 27, by Monte Carlo)
 _SCALED = 0.4  # of the extinction, by delta scaling: 1 - f is .3 to .55
 _AIR_TOP_M = 18_000.0  # of levels on which there is but air
@@ -99,10 +102,20 @@ def refined_levels(
     beside = np.pad(np.where(in_cloud, dz / parts, np.inf), 1, constant_values=np.inf)
     beside = np.minimum(beside[:-2], beside[2:])
     parts = np.where(in_cloud, np.maximum(parts, np.ceil(dz / beside - 0.3)), parts)
+    if alone:
+        parts = np.where(_deep(levels, own, flat), np.minimum(parts, _DEEP_PARTS), parts)
     while parts.sum() > min(_MOST_LEVELS * 4, max(_MOST_NODES / columns, len(levels))) and parts.max() > 1:
         parts = np.maximum(1, np.ceil(parts * 0.75) - (parts > 1))
     pieces = [np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(levels[:-1], levels[1:], parts, strict=True)]
     return np.concatenate([*pieces, levels[-1:]])
+
+
+def _deep(levels: F64, heights: F64, total: NDArray) -> NDArray[np.bool_]:
+    """Which layers between levels have more than `_DEEP` above them and below, in nine columns (nz, n) of ten."""
+    layers = 0.5 * _SCALED * (total[1:] + total[:-1]) * np.diff(heights)[:, None]
+    below = np.percentile(np.cumsum(np.pad(layers, ((1, 0), (0, 0))), axis=0), 10, axis=1)
+    above = np.percentile(np.cumsum(np.pad(layers, ((0, 1), (0, 0)))[::-1], axis=0), 10, axis=1)[::-1]
+    return np.minimum(np.interp(levels[:-1], heights, below), np.interp(levels[1:], heights, above)) > _DEEP
 
 
 def _of_most(field: NDArray, total: NDArray) -> F64:
