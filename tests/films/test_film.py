@@ -460,3 +460,9 @@ def test_of_many_files_each_time_opens_its_own(tmp_path: Path, monkeypatch: pyte
     weather = Weather.of_files(tmp_path / "sky_*.nc")
     assert [weather.at(time).time for time in weather.times] == list(weather.times)
     assert asked == [["sky_0.nc"], ["sky_1.nc"], ["sky_2.nc"]]
+
+
+def test_the_sun_between_two_lights_passes_north() -> None:
+    for before, after, found in ((359.5, 0.7, 0.1), (0.7, 359.5, 0.1), (359.0, 0.4, 359.7)):
+        between = making._between({"sun_azimuth_deg": before}, {"sun_azimuth_deg": after}, 0.5, NOON)
+        assert between["sun_azimuth_deg"] == pytest.approx(found)

@@ -309,8 +309,10 @@ def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.
         if name.endswith("_time") and a != b:
             found[name] = f"{np.datetime_as_string(time, 's')}Z"
         elif isinstance(a, float) and isinstance(b, float):
-            turn = 360.0 * round((a - b) / 360.0) if name.endswith("azimuth_deg") else 0.0
-            found[name] = (1 - share) * a + share * (b + turn)
+            angle = name.endswith("azimuth_deg")
+            turn = 360.0 * round((a - b) / 360.0) if angle else 0.0
+            mixed = (1 - share) * a + share * (b + turn)
+            found[name] = mixed % 360.0 if angle else mixed
     return found
 
 
