@@ -304,6 +304,19 @@ def test_members_stacked_in_one_file(wrf_file, tmp_path, order):
         open_scene(path, member=1)
 
 
+def test_members_in_files_of_their_own(wrf_file, tmp_path):
+    paths = []
+    for number in (1, 2):
+        paths.append(wrf_file(change={"QCLOUD": lambda q, n=number: n * q}).rename(tmp_path / f"wrfout_{number}"))
+        with netCDF4.Dataset(paths[-1], "a") as file:
+            file.createVariable("member", "i4", ())[...] = number
+    assert members_of(paths) == [1, 2]
+    one, two = (open_scene(paths, member=number).data.liquid_content for number in (1, 2))
+    np.testing.assert_array_equal(two, 2 * one)
+    with pytest.raises(UserError, match=r"on the same grid: open one of them, or one member \(--member\)"):
+        open_scene(paths)
+
+
 def test_of_no_ensemble_no_member_is_taken(wrf_file):
     with pytest.raises(UserError, match=r"no ensemble members in it: leave out member"):
         open_scene(wrf_file(), member=1)

@@ -138,7 +138,7 @@ class WRFFile:
         sizes = {name: self.size(name) for name in self._member}
         counts = (self._file.variables[name] for name in MEMBER_DIMS if name in self)
         numbers = {each.name: (each.dimensions, np.asarray(each[...])) for each in counts if each.ndim < 2}
-        return xr.Dataset({"members": (tuple(sizes), np.broadcast_to(0, tuple(sizes.values()))), **numbers})
+        return xr.Dataset({"stacked": (tuple(sizes), np.broadcast_to(0, tuple(sizes.values()))), **numbers})
 
     def choose(self, member: int | None, notes: list[str]) -> None:
         """Make `field` read this member (default: the first, with a note where there are several)."""
