@@ -104,9 +104,10 @@ class WRFFile:
         stamps = []
         since = str(getattr(self._file.variables["XTIME"], "units", "")) if "XTIME" in self else ""
         if "Times" in self:
+            dims = [dim for dim in self._file.variables["Times"].dimensions if dim not in self._member]
+            if "Time" in dims[1:]:
+                raise self._stacked("Times", tuple(dims[dims.index("Time") :]))
             rows = np.atleast_2d(np.asarray(self._raw("Times")))
-            if rows.ndim > 2:
-                raise self._stacked("Times", ("Time", self._file.variables["Times"].dimensions[-1]))
             stamps = [b"".join(bytes(letter) for letter in row).decode("ascii", "replace") for row in rows]
         elif " since " in since:
             return dates_of(self.path, np.atleast_1d(np.asarray(self._raw("XTIME"))), since, "standard")
