@@ -1,5 +1,6 @@
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import hypothesis
@@ -10,6 +11,12 @@ hypothesis.settings.load_profile("openswim")
 os.environ.setdefault("MIEPYTHON_USE_JIT", "1")  # as openswim sets it; read when miepython is first imported
 # As the command line sets it, for the workers of xdist, which begin with it: idle threads of BLAS would spin.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Zarr's plugin of pytest has loaded NumPy by now, with a BLAS of as many threads as there are cores: the last bits of
+# its products would not be those of the processes that tests start.
+with suppress(ImportError):
+    from threadpoolctl import threadpool_limits
+
+    threadpool_limits(int(os.environ["OPENBLAS_NUM_THREADS"]), "blas")
 if "PYTEST_XDIST_WORKER" in os.environ:  # processes beside each other; two threads are what tests of threads need
     os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 

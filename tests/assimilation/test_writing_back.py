@@ -10,7 +10,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 import pytest
-from tests.readers.conftest import WRFSpec, write_wrf
+from tests.readers.conftest import WRFSpec, stacked, write_wrf
 
 from openswim import Scene, UserError, open_scene
 from openswim.assimilation import Analysis, write_back
@@ -120,6 +120,20 @@ def test_an_added_blob_keeps_its_mass_in_saturated_air(tmp_path: Path) -> None:
     column = (again.data.liquid_content - scene.data.liquid_content).values.sum(axis=0)
     want = blob().sum(axis=0)
     np.testing.assert_allclose(column[want > 0], want[want > 0], rtol=0.02)
+
+
+def test_of_an_ensemble_in_one_file_one_member_is_changed(tmp_path: Path) -> None:
+    model = stacked(wrf(tmp_path), tmp_path / "ensemble.nc", lambda dims: ("member", *dims), [3, 7])
+    out, scene = tmp_path / "out.nc", open_scene(model, time=SECOND, member=7)
+    found = analysis_of(scene, {"liquid_content": lambda q: np.maximum(q, blob())})
+    changed = write_back(found, model, out, member=7)
+    assert set(changed) == {"QCLOUD", "QVAPOR"} == different(model, out)
+    before, after = fields(model), fields(out)
+    for name in changed:
+        rest = np.ones(before[name].shape[:2], bool)
+        rest[1, 1] = False
+        np.testing.assert_array_equal(before[name][rest], after[name][rest])
+    np.testing.assert_array_equal(after["QCLOUD"][1, 1] > before["QCLOUD"][1, 1], blob() > scene.data.liquid_content)
 
 
 def test_doubles_keep_their_bits_and_packed_water_is_refused(tmp_path: Path) -> None:

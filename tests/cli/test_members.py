@@ -41,6 +41,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     f"irradiance FOLDER/model.nc --lat {LAT} --lon {LON} --member 7 -o FOLDER/a.csv",
     "satellite FOLDER/model.nc --grid full --band C02 --member 7 -o FOLDER/b.nc",
     "compare FOLDER/model.nc FOLDER/sky_20240621_120000UTC.png --camera FOLDER/camera.toml --member 7 -o FOLDER/out",
+    "correct-clouds FOLDER/model.nc FOLDER/sky_20240621_120000UTC.png --camera FOLDER/camera.toml --member 7 "
+    "-o FOLDER/c.nc",
     "analyse FOLDER/analysis.toml -o FOLDER/c.nc",
 ])  # fmt: skip
 def test_commands_ask_for_the_member(words: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from tests.transport.scenes import toward
 from openswim import Scene, Solver, open_light
 from openswim.cameras import Rays
 from openswim.films import Weather
+from openswim.films.between import Motion
 from openswim.lighting import light
 from openswim.scene.frame import Frame
 from openswim.transport.medium.chart import before_drift, fixed_to_earth
@@ -104,6 +106,23 @@ def test_weather_carries_detail_at_the_clouds_mean_speed() -> None:
         np.testing.assert_allclose(found.drift_m, 60.0 * minutes * speed, rtol=2e-3)
     assert weather.at(NOON + 4 * MINUTES).drift_m == (0.0, 0.0)
     assert states[1].drift_m == (0.0, 0.0)
+
+
+def test_clouds_around_a_pole_have_one_way() -> None:
+    """A wind straight over the pole comes from the south and goes to the south."""
+    crs = CRS.from_proj4("+proj=stere +lat_0=90 +lat_ts=90 +lon_0=-45 +R=6371000")
+    before, after = deck(crs=crs), deck(crs=crs)
+    for scene in (before, after):
+        assert scene.grid is not None
+        scene.grid = replace(scene.grid, x=scene.grid.x + 700.0, y=scene.grid.y - 400.0)
+        angle = scene.grid.axis_angles
+        for name, part in (("wind_east", 6.0 * np.cos(angle)), ("wind_north", 6.0 * np.sin(angle))):
+            scene.data[name] = ("z", "y", "x"), np.broadcast_to(part, scene.grid.shape).astype(np.float32)
+    after.time = NOON + 15 * MINUTES
+    grid = before.grid
+    assert grid is not None
+    found, middle = Motion.between(before, after).of_clouds(before, after), grid.axis_angle(*grid.centre_index)
+    np.testing.assert_allclose(found, [6.0 * np.cos(middle), 6.0 * np.sin(middle)], atol=0.01)
 
 
 def test_kept_light_keeps_its_drift(tmp_path: Path) -> None:

@@ -9,14 +9,19 @@ from openswim import UserError
 from openswim.films.kept_frames import KeptFrame, KeptFrames
 
 
-def test_frames_of_another_film_are_not_taken(tmp_path: Path) -> None:
+def test_frames_of_another_film_are_not_taken(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPENSWIM_PROGRESS", "1")
     frame = KeptFrame(np.ones((2, 3, 3), np.float16), {"exposure": 2.0})
     with KeptFrames(tmp_path / "film.mp4", {"a": 1}).held() as kept:
         kept.put(0, frame)
     with KeptFrames(tmp_path / "film.mp4", {"a": 1}).held() as kept:
         np.testing.assert_array_equal(kept.get(0).light, frame.light)
+    assert capsys.readouterr().err == f"note: {tmp_path}/film.mp4: frames that are there already: 1\n"
     with KeptFrames(tmp_path / "film.mp4", {"a": 2}).held() as kept:
         assert not kept.has(0)
+    assert "frames of other options, or of files that have changed since, are thrown away: 1" in capsys.readouterr().err
     with KeptFrames(tmp_path / "film.mp4", {"a": 1}).held() as kept:
         assert not kept.has(0)
 

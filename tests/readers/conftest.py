@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -150,6 +150,26 @@ def write_wrf(path: Path, spec: WRFSpec) -> Path:
             variable = file.createVariable(name, "f4", ("Time", *dims))
             variable.units = spec.units.get(name, units)
             variable[:] = values
+    return path
+
+
+def stacked(
+    one: Path, path: Path, order: Callable[[tuple[str, ...]], tuple[str, ...]], numbers: Sequence[int] | None = None
+) -> Path:
+    """Two members in one file: that of ``one``, and one with twice its cloud, along a dimension called member."""
+    with netCDF4.Dataset(one) as source, netCDF4.Dataset(path, "w") as file:
+        file.setncatts({name: source.getncattr(name) for name in source.ncattrs()})
+        for name, dimension in source.dimensions.items():
+            file.createDimension(name, len(dimension))
+        file.createDimension("member", 2)
+        if numbers is not None:
+            file.createVariable("member", "i4", ("member",))[:] = numbers
+        for name, held in source.variables.items():
+            dims = order(held.dimensions)
+            made = file.createVariable(name, held.dtype, dims)
+            made.setncatts({each: held.getncattr(each) for each in held.ncattrs()})
+            both = [held[...], held[...] * 2 if name == "QCLOUD" else held[...]]
+            made[...] = np.stack(both, axis=dims.index("member")) if "member" in dims else held[...]
     return path
 
 

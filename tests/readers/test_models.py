@@ -378,6 +378,15 @@ def test_longitudes_a_turn_too_far_are_those_that_they_mean(tmp_path, first, tur
     np.testing.assert_allclose(open_scene(path).grid.x, expected, atol=1e-4)
 
 
+def test_columns_over_the_date_line_that_were_sorted_apart_are_told(tmp_path):
+    era5(tmp_path / "a.nc", first_lon=179.0)
+    with xr.open_dataset(tmp_path / "a.nc", decode_times=False, mask_and_scale=False) as data:
+        turned = (data.longitude + 180) % 360 - 180
+        data.assign_coords(longitude=turned).sortby("longitude").to_netcdf(tmp_path / "b.nc")
+    with pytest.raises(UserError, match=r"b.nc: the coordinate .* over the date line sort by longitude % 360"):
+        open_scene(tmp_path / "b.nc")
+
+
 @pytest.mark.parametrize("container", ["zarr", "kerchunk", "icechunk"])
 def test_one_model_in_every_container(tmp_path, container):
     path = era5(tmp_path / "a.nc", new=True).paths[0]

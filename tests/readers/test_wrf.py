@@ -5,9 +5,10 @@ from __future__ import annotations
 import netCDF4
 import numpy as np
 import pytest
+from tests.readers.conftest import stacked
 
 from openswim.errors import UserError
-from openswim.readers import describe, grids_of, open_scene
+from openswim.readers import describe, grids_of, members_of, open_scene
 
 PROJECTIONS = {
     "lambert": dict(map_proj=1),
@@ -279,3 +280,51 @@ def test_what_a_file_says_of_itself_is_shown_and_not_obeyed(wrf_file):
     told = str(describe(path))
     assert "\nmodel      OUTPUT FROM WRF \\x1b]0;you\\x07\\u202e species    liquid\n" in told
     assert all(c.isprintable() or c == "\n" for c in told + open_scene(path).source)
+
+
+NOON = "2023-01-15T12:00"
+ORDERS = {
+    "all along members, before time": lambda dims: ("member", *dims),
+    "all but those without time, behind it": lambda dims: ("Time", "member", *dims[1:]) if dims[0] == "Time" else dims,
+}
+
+
+@pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS.keys())
+def test_members_stacked_in_one_file(wrf_file, tmp_path, order):
+    one = wrf_file(times=("2023-01-15_11:00:00", "2023-01-15_12:00:00"))
+    path = stacked(one, tmp_path / "wrfout_members", order, [3, 7])
+    assert members_of(path) == [3, 7]
+    alone, third, seventh = open_scene(one, NOON), open_scene(path, NOON), open_scene(path, NOON, member=7)
+    assert third.time == seventh.time == alone.time
+    assert any("2 ensemble members in the file (3, 7): 3 is shown" in note for note in third.notes)
+    np.testing.assert_array_equal(third.data.liquid_content, alone.data.liquid_content)
+    np.testing.assert_array_equal(seventh.data.liquid_content, 2 * alone.data.liquid_content)
+    assert any("ensemble members" in line for line in describe(path).assumed)
+    with pytest.raises(UserError, match=r"no ensemble member 1 in it; it has 3, 7: choose one of these"):
+        open_scene(path, member=1)
+
+
+def test_members_in_files_of_their_own(wrf_file, tmp_path):
+    paths = []
+    for number in (1, 2):
+        paths.append(wrf_file(change={"QCLOUD": lambda q, n=number: n * q}).rename(tmp_path / f"wrfout_{number}"))
+        with netCDF4.Dataset(paths[-1], "a") as file:
+            file.createVariable("member", "i4", ())[...] = number
+    assert members_of(paths) == [1, 2]
+    one, two = (open_scene(paths, member=number).data.liquid_content for number in (1, 2))
+    np.testing.assert_array_equal(two, 2 * one)
+    with pytest.raises(UserError, match=r"on the same grid: open one of them, or one member \(--member\)"):
+        open_scene(paths)
+
+
+def test_of_no_ensemble_no_member_is_taken(wrf_file):
+    with pytest.raises(UserError, match=r"no ensemble members in it: leave out member"):
+        open_scene(wrf_file(), member=1)
+
+
+def test_runs_stacked_along_anything_else_are_told_what_to_do(wrf_file, tmp_path):
+    path = stacked(wrf_file(), tmp_path / "wrfout_records", ORDERS["all along members, before time"])
+    with netCDF4.Dataset(path, "a") as file:
+        file.renameDimension("member", "record")
+    with pytest.raises(UserError, match=r"take one along record, or call it member where it counts those of an ens"):
+        open_scene(path)

@@ -108,6 +108,14 @@ def test_extent_over_the_date_line(x, said):
     assert extent_text(grid).endswith(said)
 
 
+@pytest.mark.parametrize(("pole", "said"), [(90, "latitude 89.96 to 90.00"), (-90, "latitude -90.00 to -89.96")])
+def test_extent_around_a_pole(pole, said):
+    axis = 1000.0 * np.arange(-3, 3)
+    crs = CRS.from_proj4(f"+proj=stere +lat_0={pole} +lat_ts={pole} +lon_0=20 +R=6371000")
+    grid = Grid(axis, axis, [0.0, 1.0], crs)
+    assert extent_text(grid).endswith(f"{said}, longitude -180.00 to 180.00")
+
+
 def test_flat_grids_have_no_latitude():
     grid = Grid(np.arange(3) * 100.0, np.arange(4) * 50.0, LEVELS, periodic=True)
     assert (grid.curved, grid.shape, grid.spacing_m()) == (False, (2, 4, 3), (100.0, 50.0))

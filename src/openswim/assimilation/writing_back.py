@@ -33,11 +33,14 @@ _PUT_BACK = ("content", "number")
 Names = str | os.PathLike[str]
 
 
-def write_back(analysis: Found, model_file: Names | Sequence[Names], out: Names) -> dict[str, int]:
+def write_back(
+    analysis: Found, model_file: Names | Sequence[Names], out: Names, member: int | None = None
+) -> dict[str, int]:
     """Write a copy of a model's file with what an analysis changed; returns how many nodes of each variable changed.
 
     model_file : of WRF, or of LAPS, whose products of one time may be several; on the grid of the analysis and with its
-    time. It is never written to. out : a file, of several products a folder. Contents and numbers that were controls
+    time. It is never written to. out : a file, of several products a folder. member : of an ensemble in one file, that
+    which was analysed (default: the first). Contents and numbers that were controls
     are put back, as analysis minus first guess, at the analysis's time only. Where cloud was added (1e-6 kg/kg; of less
     its share) vapour is raised to saturation, where all was taken away it is lowered to 95 % of it; temperature stays.
     """
@@ -51,7 +54,7 @@ def write_back(analysis: Found, model_file: Names | Sequence[Names], out: Names)
     assert scene.grid is not None
     if isinstance(reader, LAPSReader):
         return put_into_laps(paths, target, scene.grid, found, scene.time)
-    return put_into_wrf(paths[0], target, scene.grid, found, scene.time)
+    return put_into_wrf(paths[0], target, scene.grid, found, scene.time, member)
 
 
 def check_write_back(

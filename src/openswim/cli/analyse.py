@@ -111,7 +111,7 @@ def _analyse(op: Operator, observed: xr.Dataset, config: Configuration, files: _
     if files.observations is not None:
         write_observations(files.observations, op, observed, found.after)
     if files.write_back is not None:
-        changed = write_back(found, config.models, files.write_back)
+        changed = write_back(found, config.models, files.write_back, config.member)
         told = ", ".join(f"{name} at {count} nodes" for name, count in changed.items())
         click.echo(f"{files.write_back}: {told or 'nothing'} changed")
     if not found.interrupted:

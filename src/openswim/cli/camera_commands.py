@@ -85,6 +85,7 @@ def compare(files: tuple[Path, ...], **options: Any) -> None:
               help="A frame of the camera under a clear sky; once for each camera, in their order.")  # fmt: skip
 @click.option("--time", help="UTC, ISO 8601, of the frames.  [default: by their FITS headers, their names, their EXIF]")
 @frame_clock
+@member
 @click.option("--passes", type=int, default=2, show_default=True, help="How often the edited scene is looked at again.")
 @click.option("--hold-out/--use-all", default=True, show_default=True,
               help="Keep every second block of the sky aside, and score by it.")  # fmt: skip

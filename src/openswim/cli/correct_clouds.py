@@ -25,6 +25,7 @@ class CorrectCloudsRequest:
     time: str | None = None
     time_pattern: str | None = None
     utc_offset_h: float | None = None
+    member: int | None = None
     passes: int = 2
     hold_out: bool = True
     base_m: float | None = None
@@ -66,7 +67,7 @@ def run(request: CorrectCloudsRequest) -> None:
     scene, history = correct_clouds(
         str(request.model), frames, cameras, time=request.time, clear_frames=request.clear_frames,
         passes=request.passes, hold_out=request.hold_out, base_m=request.base_m, thickness_m=request.thickness_m,
-        solver=Solver("fast", quality=request.quality), **settings,
+        solver=Solver("fast", quality=request.quality), member=request.member, **settings,
     )  # fmt: skip
     if "doubt" in history.attrs:
         click.echo(one_line(f"note: {history.attrs['doubt']}"), err=True)

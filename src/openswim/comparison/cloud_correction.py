@@ -72,6 +72,7 @@ def correct_clouds(
     thickness_m: float = 400.0,
     solver: Any = "fast",
     sun: tuple[float, float] | None = None,
+    member: int | None = None,
     **settings: Any,
 ) -> tuple[Scene, xr.Dataset]:
     """The model's scene with its clouds corrected, and the scores before and after each pass.
@@ -81,6 +82,7 @@ def correct_clouds(
     passes : how often the edited scene is lit and looked at again, up to 4; the best one is returned.
     hold_out : every second block of 3 degrees is not used, but filled by its neighbours', and scored by itself.
     base_m, thickness_m : of clouds that are added, in place of the model's own.
+    member : of an ensemble in the model's file, by its own number; by default the first.
     settings : as of `openswim.compare`.
     """
     chosen = settings_of(settings)
@@ -93,7 +95,7 @@ def correct_clouds(
         raise UserError(
             f"correct_clouds: {len(clear_frames)} clear frames of {len(cameras)} cameras: give one of each, or none"
         )
-    skies = skies_of(model, solver, None, None, sun)
+    skies = skies_of(model, solver, None, None, sun, member=member)
     if skies.model is None:
         raise UserError("correct_clouds: needs a model: give its file or a Scene")
     contents = [camera_content(camera) for camera in cameras]

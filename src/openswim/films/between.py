@@ -71,17 +71,21 @@ class Motion:
         return y, x
 
     def of_clouds(self, before: Scene, after: Scene) -> NDArray[np.float64]:
-        """Mean speed (2,) of the clouds of two scenes to the east and north, m/s; 0 where there are none."""
+        """Mean speed (2,) of the clouds of two scenes to the east and north at the middle of their grid, m/s; 0 where
+        there are none."""
         grid = _one_grid(before, after)
         if not any(_is_cloud(str(name)) for name in before.data.data_vars):
             return np.zeros(2)
         cloud = _cloud(before) + _cloud(after)
         if not cloud.any():
             return np.zeros(2)
-        dx, dy, angle = _axes(grid)
-        along, across = self.x * dx, self.y * dy
-        parts = along * np.cos(angle) - across * np.sin(angle), across * np.cos(angle) + along * np.sin(angle)
-        return np.array([np.average(np.broadcast_to(part, cloud.shape), weights=cloud) for part in parts])
+        dx, dy, _ = _axes(grid)
+        # along the grid's axes: east is another way from column to column, around a pole any
+        parts = (np.broadcast_to(part, cloud.shape) for part in (self.x * dx, self.y * dy))
+        along, across = (np.average(part, weights=cloud) for part in parts)
+        angle = grid.axis_angle(*grid.centre_index)
+        east = along * np.cos(angle) - across * np.sin(angle)
+        return np.array([east, across * np.cos(angle) + along * np.sin(angle)])
 
 
 def between(before: Scene, after: Scene, time: Time, motion: Motion | None = None) -> Scene:

@@ -17,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.errors import UserError
+from openswim.progress import tell
 from openswim.scene.files import written_whole
 from openswim.system.archives import arrays_of
 from openswim.system.workshops import alone_in, sweep
 
 _PLAN = "film.json"
+_FRAMES = "frame_*.npz"
 _LONGEST_NAME = 200  # bytes: file systems take 255, and the folder's has more than the film's
 T = TypeVar("T")
 
@@ -63,7 +65,7 @@ class KeptFrames:
             try:
                 yield self
             finally:
-                if not any(self.folder.glob("frame_*")):  # a film that was refused leaves nothing
+                if not any(self.folder.glob(_FRAMES)):  # a film that was refused leaves nothing
                     self.remove()
 
     def _begin(self) -> None:
@@ -71,7 +73,14 @@ class KeptFrames:
         left = list(self.folder.iterdir())
         if left and not (self.folder / _PLAN).is_file():
             raise UserError(f"{self.folder}: holds what is no film's: move it away, frames are kept there")
-        if not self._is_of_plan():
+        frames = sum(each.match(_FRAMES) for each in left)
+        if self._is_of_plan():
+            if frames:
+                tell(f"note: {self._output}: frames that are there already: {frames}")
+        else:
+            if frames:
+                tell(f"note: {self._output}: frames of other options, or of files that have changed since, are thrown "
+                     f"away: {frames}")  # fmt: skip
             for each in left:
                 shutil.rmtree(each) if each.is_dir() and not each.is_symlink() else each.unlink()
         with written_whole(self.folder / _PLAN) as partial:

@@ -122,8 +122,7 @@ def film(
     plan = _plan(sky, shots, chosen, wavelengths, kind, exposure, with_irradiance)
     with KeptFrames(target, plan).held() as kept:
         lights = _Lights(sky, chosen, wavelengths, shots, every_s if way is None else LIGHT_EVERY_S)
-        _make(kept, lights, shots, kind, exposure, with_irradiance)
-        sky.check_unchanged()
+        _make(kept, sky, lights, shots, kind, exposure, with_irradiance)
         curve = _exposures(kept, len(shots), exposure, fps)
         lines: list[NDArray[np.uint8]] = []
         trails = None if star_trails is None else StarTrails([kept.facts(n) for n in range(len(shots))])
@@ -223,13 +222,16 @@ def _plan(
 
 
 def _make(
-    kept: KeptFrames, lights: _Lights, shots: Sequence[Shot], kind: str, exposure: float | str, irradiance: bool
-) -> None:
+    kept: KeptFrames, sky: Weather, lights: _Lights, shots: Sequence[Shot], kind: str, exposure: float | str,
+    irradiance: bool,
+) -> None:  # fmt: skip
     """Make all frames that are not there yet."""
     for count, shot in enumerate(track(shots, "film")):
         if kept.has(count):
             continue
-        kept.put(count, _frame(lights.at(shot.time), shot, kind, exposure, irradiance))
+        frame = _frame(lights.at(shot.time), shot, kind, exposure, irradiance)
+        sky.check_unchanged()  # now, not when all are made in vain
+        kept.put(count, frame)
 
 
 class _Lights:
@@ -309,8 +311,10 @@ def _between(one: dict[str, Any], other: dict[str, Any], share: float, time: np.
         if name.endswith("_time") and a != b:
             found[name] = f"{np.datetime_as_string(time, 's')}Z"
         elif isinstance(a, float) and isinstance(b, float):
-            turn = 360.0 * round((a - b) / 360.0) if name.endswith("azimuth_deg") else 0.0
-            found[name] = (1 - share) * a + share * (b + turn)
+            angle = name.endswith("azimuth_deg")
+            turn = 360.0 * round((a - b) / 360.0) if angle else 0.0
+            mixed = (1 - share) * a + share * (b + turn)
+            found[name] = mixed % 360.0 if angle else mixed
     return found
 
 

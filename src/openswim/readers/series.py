@@ -85,5 +85,7 @@ def _nested(reader: Any, paths: Sequence[Path], time: np.datetime64, place: Neig
     by_cell = sorted(paths, key=lambda path: grids[path].spacing_m()[0])
     alike = [(grid.shape, *grid.lonlat(0, 0)) for grid in grids.values()]
     if any(one == other for n, one in enumerate(alike) for other in alike[:n]):
-        raise UserError(f"{paths[0]} and others hold {iso(time)} on the same grid: open one of them")
+        of_ensemble = any(reader.members(path) - {0} for path in paths) if hasattr(reader, "members") else False
+        which = "one of them, or one member (--member)" if of_ensemble else "one of them"
+        raise UserError(f"{paths[0]} and others hold {iso(time)} on the same grid: open {which}")
     return by_cell[-1:] if place is None else by_cell

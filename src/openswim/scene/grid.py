@@ -182,7 +182,8 @@ def great_circle_m(lon: ArrayLike, lat: ArrayLike, radius_m: float) -> float:
 
 
 def extent_deg(grid: Grid) -> tuple[float, float, float, float]:
-    """South, north, west and east end of a domain's sides; over the date line east is beyond 180."""
+    """South, north, west and east end of a domain; over the date line east is beyond 180, and around a pole it goes
+    from -180 to 180."""
     _, ny, nx = grid.shape
     i = np.concatenate([np.arange(nx), np.arange(nx), np.zeros(ny), np.full(ny, nx - 1.0)])
     j = np.concatenate([np.zeros(nx), np.full(nx, ny - 1.0), np.arange(ny), np.arange(ny)])
@@ -191,7 +192,12 @@ def extent_deg(grid: Grid) -> tuple[float, float, float, float]:
     lon = middle + (lon - middle + 180.0) % 360.0 - 180.0
     if lon.min() < -180.0:
         lon = lon + 360.0
-    return float(lat.min()), float(lat.max()), float(lon.min()), float(lon.max())
+    south, north, west, east = float(lat.min()), float(lat.max()), float(lon.min()), float(lon.max())
+    for pole in (-90.0, 90.0):
+        ix, iy = grid.index(0.0, pole)
+        if 0 < ix < nx - 1 and 0 < iy < ny - 1:
+            south, north, west, east = min(south, pole), max(north, pole), -180.0, 180.0
+    return south, north, west, east
 
 
 def extent_text(grid: Grid) -> str:

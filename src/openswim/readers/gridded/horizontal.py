@@ -153,15 +153,23 @@ def _nodes(path: Path, coordinate: xr.DataArray | None, unwrap: bool) -> tuple[F
     turned = bool(nodes[0] > nodes[-1])
     nodes = nodes[::-1] if turned else nodes
     if not (np.isfinite(nodes).all() and (np.diff(nodes) > 0).all()):
-        raise UserError(
-            f"{path}: the coordinate {coordinate.name} does not run one way (repeated or missing values): damaged"
-        )
+        why = _why_not(coordinate, unwrap)
+        raise UserError(f"{path}: the coordinate {coordinate.name} does not run one way ({why}")
     far_east, far_west = 180.0 <= nodes[0] < 540.0 and nodes[-1] > 360.0, nodes[0] >= -540.0 and nodes[-1] < -180.0
     if unwrap and (far_east or far_west):  # a turn too far
         nodes = nodes - math.copysign(360.0, nodes[0])
     if unwrap and nodes[-1] - nodes[0] > 360.0 - 1e-3:
         raise UserError(f"{path}: {coordinate.name} runs over more than 360 degrees: drop the repeated columns")
     return nodes, turned
+
+
+def _why_not(coordinate: xr.DataArray, unwrap: bool) -> str:
+    """Why nodes do not run one way, and what to do: columns over the date line may have been sorted from -180 on."""
+    steps = np.diff(np.asarray(coordinate.values, np.float64))
+    if unwrap and (steps > 0).all() and steps.max() > 180.0:
+        name = coordinate.name
+        return f"it leaves out more than half the Earth between two columns): over the date line sort by {name} % 360"
+    return "repeated or missing values): damaged"
 
 
 def _turned(part: slice, count: int, turned: bool) -> slice:

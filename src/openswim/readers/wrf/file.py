@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from openswim.arguments import shown
@@ -18,6 +19,7 @@ from openswim.readers.common.base import Time, open_netcdf, pick_time
 from openswim.readers.common.bounds import check_size
 from openswim.readers.common.fileset import dates_of
 from openswim.readers.common.kept import leave, take
+from openswim.readers.common.members import MEMBER_DIMS, check_ensemble, member_index
 from openswim.scene.labels.units import check_decimals, has_value
 
 MASS_LEVELS = ("bottom_top", "south_north", "west_east")
@@ -56,13 +58,14 @@ _UNITLESS = {"", "-", "1", "none", "dimensionless"}
 
 
 class WRFFile:
-    """A WRF file opened at one time; use as a context manager."""
+    """A WRF file opened at one time and at one member of an ensemble; use as a context manager."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file = take("netcdf", path, partial(open_netcdf, path))
         self._file.set_always_mask(False)
         self.time_index = 0
+        self._member = dict.fromkeys((name for name in MEMBER_DIMS if name in self._file.dimensions), 0)
 
     def __enter__(self) -> WRFFile:
         return self
@@ -101,10 +104,13 @@ class WRFFile:
         stamps = []
         since = str(getattr(self._file.variables["XTIME"], "units", "")) if "XTIME" in self else ""
         if "Times" in self:
-            rows = np.atleast_2d(np.asarray(self._raw("Times", ...)))
+            dims = [dim for dim in self._file.variables["Times"].dimensions if dim not in self._member]
+            if "Time" in dims[1:]:
+                raise self._stacked("Times", tuple(dims[dims.index("Time") :]))
+            rows = np.atleast_2d(np.asarray(self._raw("Times")))
             stamps = [b"".join(bytes(letter) for letter in row).decode("ascii", "replace") for row in rows]
         elif " since " in since:
-            return dates_of(self.path, np.atleast_1d(np.asarray(self._raw("XTIME", ...))), since, "standard")
+            return dates_of(self.path, np.atleast_1d(np.asarray(self._raw("XTIME"))), since, "standard")
         elif self.size("Time") <= 1 and self.attr("START_DATE"):
             stamps = [str(self.attr("START_DATE"))]
         try:
@@ -128,15 +134,30 @@ class WRFFile:
         self.time_index = pick_time(self.path, times, time)
         return times[self.time_index]
 
+    def ensemble(self) -> xr.Dataset:
+        """What counts the members of runs that were stacked in it."""
+        sizes = {name: self.size(name) for name in self._member}
+        counts = (self._file.variables[name] for name in MEMBER_DIMS if name in self)
+        numbers = {each.name: (each.dimensions, np.asarray(each[...])) for each in counts if each.ndim < 2}
+        return xr.Dataset({"stacked": (tuple(sizes), np.broadcast_to(0, tuple(sizes.values()))), **numbers})
+
+    def choose(self, member: int | None, notes: list[str]) -> None:
+        """Make `field` read this member (default: the first, with a note where there are several)."""
+        counted = self.ensemble()
+        check_ensemble(self.path, [counted], member)
+        self._member = member_index(self.path, counted, member, notes) or {}
+
+    def place(self, name: str, one_time: bool = True) -> tuple[Any, ...]:
+        """Where the chosen member, and the chosen time or all, stand in a variable."""
+        taken: dict[str, Any] = {**self._member, **({"Time": self.time_index} if one_time else {})}
+        return tuple(taken.get(dim, slice(None)) for dim in self._file.variables[name].dimensions)
+
     def field(self, name: str, dims: tuple[str, ...], units: str = "") -> NDArray[np.float32]:
         """One field at the chosen time as float32; UserError on wrong dimensions, units or missing values."""
         variable = self._file.variables[name]
-        timeless = variable.dimensions[1:] if variable.dimensions[:1] == ("Time",) else variable.dimensions
+        timeless = tuple(dim for dim in variable.dimensions if dim != "Time" and dim not in self._member)
         if timeless != dims:
-            raise UserError(
-                f"{self.path}: {name} has dimensions ({', '.join(variable.dimensions)}); expected "
-                f"(Time, {', '.join(dims)})"
-            )
+            raise self._stacked(name, ("Time", *dims))
         found = str(getattr(variable, "units", ""))
         if units and not _same_units(found, units):
             raise UserError(
@@ -144,8 +165,7 @@ class WRFFile:
                 "own output"
             )
         check_size(self.path, name, tuple(self.size(dim) for dim in dims))
-        where = self.time_index if timeless != variable.dimensions else ...
-        raw = np.asarray(self._raw(name, where))
+        raw = np.asarray(self._raw(name, one_time=True))
         check_decimals(f"{self.path}: {name}", raw.dtype.kind, units)
         values = raw.astype(np.float32)
         missing = values.size - int(np.count_nonzero(has_value(values)))
@@ -156,9 +176,17 @@ class WRFFile:
             )
         return values
 
-    def _raw(self, name: str, where: Any) -> Any:
+    def _stacked(self, name: str, expected: tuple[str, ...]) -> UserError:
+        dims = self._file.variables[name].dimensions
+        more = next((dim for dim in dims if dim not in expected and dim not in self._member), None)
+        remedy = "write it as WRF does" if more is None or len(dims) <= len(expected) else (
+            f"take one along {more}, or call it member where it counts those of an ensemble")  # fmt: skip
+        return UserError(f"{self.path}: {name} has dimensions ({', '.join(dims)}); expected ({', '.join(expected)}): "
+                         f"{remedy}")  # fmt: skip
+
+    def _raw(self, name: str, one_time: bool = False) -> Any:
         try:
-            return self._file.variables[name][where]
+            return self._file.variables[name][self.place(name, one_time)]
         except (OSError, RuntimeError, IndexError) as error:
             raise UserError(
                 f"{self.path}: {name} cannot be read ({error}): truncated or damaged file: copy or "

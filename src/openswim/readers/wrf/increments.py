@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +28,9 @@ _WATER = ("QVAPOR", *(name for each in CATEGORIES.values() for mass, numbers, _ 
 
 
 def put_increments(
-    path: Path, out: Path, grid: Grid, increments: Mapping[str, F64], time: Time = None
+    path: Path, out: Path, grid: Grid, increments: Mapping[str, F64], time: Time = None, member: int | None = None
 ) -> dict[str, int]:
-    """Copy a WRF file with increments added at one time; how many nodes of each variable changed.
+    """Copy a WRF file with increments added at one time and member; how many nodes of each variable changed.
 
     increments: by the names of scene variables, contents (kg m-3) and numbers (m-3), (nz, ny, nx) on ``grid``. They are
     linear in height between its levels, and nothing beyond. Temperature, pressure and all else stay.
@@ -37,12 +38,13 @@ def put_increments(
     check_file(path)
     with WRFFile(path) as file, naming(path), reading(path):
         check_complete(file)
+        file.choose(member, [])
         file.go_to(time)
         here = wrf_grid(file, [])
         part = window(grid, here, path)
         own = {name: on_levels(field, grid, here, part) for name, field in increments.items() if field.any()}
         changed = _changed(file, own) if own else {}
-        where = file.time_index
+        where = {name: file.place(name) for name in changed}
     counts = {name: int(np.count_nonzero(after != before)) for name, (before, after) in changed.items()}
     counts = {name: count for name, count in counts.items() if count}
     with written_whole(out) as partial:
@@ -58,14 +60,13 @@ def check_file(path: Path) -> None:
         raise UserError(f"{path}: has no QVAPOR, which must go with its cloud: keep it when cutting the file")
 
 
-def _write(path: Path, fields: Mapping[str, tuple[F32, F32]], time_index: int) -> None:
+def _write(path: Path, fields: Mapping[str, tuple[F32, F32]], where: Mapping[str, Any]) -> None:
     import netCDF4
 
     with netCDF4.Dataset(path, "r+") as file:
         file.set_auto_maskandscale(False)
         for name, (before, after) in fields.items():
-            variable = file.variables[name]
-            put(variable, time_index if variable.dimensions[:1] == ("Time",) else ..., before, after)
+            put(file.variables[name], where[name], before, after)
 
 
 def _changed(file: WRFFile, own: Mapping[str, F64]) -> dict[str, tuple[F32, F32]]:

@@ -19,6 +19,7 @@ from openswim.readers.common.base import (
     place_text,
 )
 from openswim.readers.common.clock import undated
+from openswim.readers.common.members import member_numbers
 from openswim.readers.common.opening import reading
 from openswim.readers.fields.absent import SNOW_COVERS_KG_M2, low_top, no_ground, no_sizes
 from openswim.readers.fields.aerosol_beyond import background_note
@@ -74,12 +75,13 @@ class WRFReader:
         except UserError:
             return False
 
-    def read(self, path: Path, time: Time = None) -> Scene:
-        """The scene at one time of the file (default: its first); only that time is read."""
+    def read(self, path: Path, time: Time = None, member: int | None = None) -> Scene:
+        """The scene at one time of the file (default: its first), of one member; only that is read."""
         with WRFFile(path) as file, naming(path), reading(path):
             check_complete(file)
-            valid = file.go_to(time)
             notes: list[str] = []
+            file.choose(member, notes)
+            valid = file.go_to(time)
             grid = wrf_grid(file, notes)
             if valid is None:
                 valid = _undated(file, time, grid, notes)
@@ -113,6 +115,11 @@ class WRFReader:
         with WRFFile(path) as file, naming(path), reading(path):
             return list(file.times())
 
+    def members(self, path: Path) -> set[int]:
+        """Of an ensemble, by their own numbers."""
+        with WRFFile(path) as file, naming(path), reading(path):
+            return member_numbers(path, file.ensemble())
+
     def grid(self, path: Path, time: Time = None) -> Grid:
         """The grid at one time (nests move)."""
         with WRFFile(path) as file, naming(path), reading(path):
@@ -125,6 +132,7 @@ class WRFReader:
         with WRFFile(path) as file, naming(path), reading(path):
             lacking = [name for name in NEEDED if name not in file]
             notes: list[str] = []
+            file.choose(None, notes)
             times = [iso(time) for time in file.times()]
             grid = None if lacking else wrf_grid(file, notes)
             if grid is not None and not times:
