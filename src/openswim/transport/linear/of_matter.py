@@ -169,9 +169,10 @@ def _plan(options: Options, matter: Matter, surface: Surface, sun: F64) -> Mediu
         raise UserError(f"solver linear: periods and nested grids are not followed; {_INSTEAD}")
     plan = plan_medium(matter, surface.terrain_m, float(sun[2]), Fineness(divide=False, extend=True))
     if plan.fineness > 1 or plan.sideless or min(plan.columns) < 2:
+        _, rows, columns = matter.grid.shape
         raise UserError(
-            f"solver linear: {plan.columns[1]} x {plan.columns[0]} columns of {min(plan.cell_m):.0f} m are too wide or "
-            f"too few; {_INSTEAD}"
+            f"solver linear: {columns} x {rows} columns of {min(matter.grid.spacing_m()):.0f} m are too wide, or too "
+            f"few; {_INSTEAD}"
         )
     return plan
 
