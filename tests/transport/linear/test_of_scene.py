@@ -154,7 +154,7 @@ def test_what_the_core_does_not_follow_is_refused():
         Solver("linear").linear_core(periodic, SUN, WAVELENGTHS_NM)
     z, x = np.arange(0.0, 3e3, 500.0), 3e3 * np.arange(6)  # as the file has them, not as they would be divided
     wide = Scene.from_arrays({"cloud": np.full((6, 6, 6), 1e-3)}, x, x, z, crs=_CRS, surface_albedo=0.2)
-    with pytest.raises(UserError, match="6 x 6 columns of 3000 m are too wide"):
+    with pytest.raises(UserError, match=r"6 x 6 columns of 30\d\d m are too wide"):
         Solver("linear").linear_core(wide, SUN, WAVELENGTHS_NM)
     with pytest.raises(UserError, match="knows no eclipse"):
         Solver("linear").solve(_scene(), SUN, shadow=object())
