@@ -121,7 +121,7 @@ def test_light_of_another_scene_or_layout_is_refused(copy: Path) -> None:
     other = grid_scene(2 * cloud((6, 12, 12)), (6, 12, 12), (100.0, 100.0, 100.0))
     with pytest.raises(UserError, match="of another scene"):
         openswim.open_light(copy, other)
-    with pytest.raises(UserError, match="layout 99, this OpenSWIm reads 8"):
+    with pytest.raises(UserError, match="layout 99, this OpenSWIm reads 9"):
         openswim.open_light(changed(copy, version=99))
     with pytest.raises(UserError, match="no kept light"):
         openswim.open_light(changed(copy, kind="something else"))

@@ -29,7 +29,7 @@ from openswim.transport import Field, ReferenceField
 from openswim.transport.lit.kept import described, restored
 from openswim.transport.lit.lit_grid import LitGrid
 
-KIND, VERSION = "openswim light", 8
+KIND, VERSION = "openswim light", 9
 _CHUNK = 1 << 23  # bytes of an array that are written together
 _LONGEST_TEXT = 1 << 22  # characters of the description, more than any light has
 _MOST_MEMORY = 0.8  # share of the memory that is free

@@ -92,7 +92,8 @@ def test_even_cloud_as_layers_of_many_streams(
 
 @pytest.mark.parametrize("zenith_deg", [30.0, 77.0])
 def test_clear_air_looks_as_outside_the_domain(zenith_deg: float) -> None:
-    """Over black ground, where nothing else shines: there is no frame to see."""
+    """Over black ground, where nothing else shines: there is no frame to see. Between the shells' suns their light is
+    linear, that of columns is not."""
     field = np.zeros((30, 24, 24), np.float32)
     field[25] = 1e-9
     scene = grid_scene(field, (30, 24, 24), (3000.0, 3000.0, 500.0), curved=True, air=True)
@@ -101,7 +102,7 @@ def test_clear_air_looks_as_outside_the_domain(zenith_deg: float) -> None:
     for south_deg in (0.0, 35.0):
         rays = _rays(scene, 3, 3, south_deg)
         seen, expected = (field.view(rays).radiance[4] for field in fields)
-        np.testing.assert_allclose(seen, expected, rtol=0.0062)
+        np.testing.assert_allclose(seen, expected, rtol=0.007)
 
 
 @pytest.mark.parametrize("height_m", [-300.0, 1500.0])

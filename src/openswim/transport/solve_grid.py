@@ -148,9 +148,9 @@ def _with_columns(
 ) -> GridLight:
     """The light of wide cells, every column by itself."""
     count = light.count
-    inflow, lacking = light_from_above(light.medium, light.coefficients, shells, count)
+    above = light_from_above(light.medium, light.coefficients, shells, count)
     columns = columns_of_grid(
-        light.medium, light.coefficients, lighting, light.local_sun, inflow, lacking, count, False, wider
+        light.medium, light.coefficients, lighting, light.local_sun, above, count, False, wider
     )
     fluxes_of_columns(columns, volume, lighting)
     lighting.clear_sky = clear_sky_table(shells, sun)

@@ -23,7 +23,7 @@ from openswim.scene.rays import Rays
 from openswim.transport.air.dimmed import eclipse_of
 from openswim.transport.air.shells import no_volume
 from openswim.transport.beam.lit_volume import Sunlight, beams_and_shadows, channels_of, sunlit_volume, without_fields
-from openswim.transport.columns.columns import columns_of_grid, fluxes_of_columns, light_from_above
+from openswim.transport.columns.columns import FromAbove, columns_of_grid, fluxes_of_columns, light_from_above
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
@@ -54,13 +54,12 @@ _SEEN_AT_M = 4000.0  # height at which rays are given to parts
 
 @dataclass(frozen=True, eq=False)
 class LitDomain:
-    """What all parts of a large domain share, and all eyes: ``lit`` has its medium and the clear air around, the light
-    from above is ``inflow`` and ``lacking`` (`columns.light_from_above`), ``cover`` (nz, ny, nx) that of its clouds.
-    Diffuse light is solved anew for every view, part by part, and forgotten."""
+    """What all parts of a large domain share, and all eyes: ``lit`` has its medium and the clear air around, ``above``
+    the light from above, ``cover`` (nz, ny, nx) that of its clouds. Diffuse light is solved anew for every view, part
+    by part, and forgotten."""
 
     lit: LitGrid
-    inflow: F32
-    lacking: F32
+    above: FromAbove
     cover: F32 | None
 
     @property
@@ -97,9 +96,7 @@ class LitDomain:
         light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
         timings["sun"] = time.perf_counter() - started
         if fast:
-            columns = columns_of_grid(
-                medium, coefficients, lighting, local_sun, self.inflow, self.lacking, count, True
-            )
+            columns = columns_of_grid(medium, coefficients, lighting, local_sun, self.above, count, True)
             fluxes_of_columns(columns, volume, lighting)
             light = replace(light, columns=columns)
         else:
@@ -241,9 +238,9 @@ def solve_large(
     lighting.clear_sky = clear_sky_table(shells, sun)
     table = forward_tables(medium, options.name == "fast")
     coefficients = [coefficients_of(medium, shells, w, True) for w in range(PACK)]
-    inflow, lacking = light_from_above(medium, coefficients, shells, count)
+    above = light_from_above(medium, coefficients, shells, count)
     lit = LitGrid(
         options, surface, matter.air, frame, sun, matter.wavelengths_nm, count, shells, no_volume(), table, lighting,
         medium, reach_deg=reach, timings={"air": time.perf_counter() - started}, eclipse=eclipse,
     )  # fmt: skip
-    return LitDomain(lit, inflow, lacking, cover)
+    return LitDomain(lit, above, cover)

@@ -31,7 +31,7 @@ from openswim.transport.engine.pack import (
     spread_quadruple,
     write,
 )
-from openswim.transport.engine.scalar import step_emission, transmission
+from openswim.transport.engine.scalar import step_emission, table_index, transmission
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE
 
@@ -54,7 +54,8 @@ class Bounds(NamedTuple):
     albedo: F32  # (count, ny, nx)
     direct: F32  # (count, ny, nx) the beam's flux on level ground
     inflow: F32  # (count, suns, 2) light from above the grid, see `columns.top_light`
-    lacking: F32  # (count, nz, suns, ways) 1/m, what clear air scatters beyond what is found here, see `lacking_source`
+    lacking: F32  # (count, nz, suns, ways) 1/m, see `what_clear_air_lacks`
+    sun_table: NDArray[np.float64]  # fractional index into these suns, by cosine from -1 to 1
     half_m: NDArray[np.float64]  # (2, 2) of x and y, below and above: what cells at open sides have beyond their nodes
 
 
@@ -321,6 +322,8 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
     levels_m, air_extinction, part = scatterers.levels_m, scatterers.air_extinction, wanted.part
     ground_node, sun, mu_sun, half_m = bounds.ground_node, bounds.sun, bounds.mu_sun, bounds.half_m
     albedo, direct, inflow, lacking = bounds.albedo, bounds.direct, bounds.inflow, bounds.lacking
+    sun_table = bounds.sun_table
+    per_cosine = 0.5 * (sun_table.shape[0] - 1)
     fields, down, up, count = found.fields, found.down, found.up, wanted.count
     most = nz * MOST_PARTS + 1
     nodes = np.empty(nz * (DEGREE + 3) * LANES, FLOAT)
@@ -359,8 +362,7 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
                 for n in range(LANES):
                     put(ground, LANES + n, albedo[w, j, i + n])
                     put(ground, 2 * LANES + n, direct[w, j, i + n])
-                    at = 0.5 * (inflow.shape[1] - 1) * (1.0 + mu_sun[j, i + n])
-                    at = min(max(at, 0.0), inflow.shape[1] - 1.0)
+                    at = table_index(mu_sun[j, i + n], -1.0, per_cosine, sun_table)
                     m = min(int(at), inflow.shape[1] - 2)
                     for k in range(nz):
                         cosine = -flat(slopes, k * LANES + n)

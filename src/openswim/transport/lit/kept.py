@@ -21,7 +21,7 @@ from openswim.optics.matter import Matter
 from openswim.options import Options
 from openswim.transport.air.dimmed import Dimmed, Eclipse
 from openswim.transport.beam.lit_volume import Channels
-from openswim.transport.columns.columns import Columns
+from openswim.transport.columns.columns import Columns, FromAbove
 from openswim.transport.columns.discrete_ordinates import Layers
 from openswim.transport.diffuse.moments import Coarser, Moments
 from openswim.transport.engine.pack import PACK
@@ -36,8 +36,8 @@ from openswim.transport.medium.medium import Medium, air_of
 from openswim.transport.medium.surface import Surface
 
 _KINDS: tuple[type, ...] = (
-    LitGrid, GridLight, Channels, Shells, Volume, Lighting, Medium, Coefficients, Moments, Coarser, Columns, Layers,
-    Core, Eclipse, Dimmed, MoonShadow,
+    LitGrid, GridLight, Channels, Shells, Volume, Lighting, Medium, Coefficients, Moments, Coarser, Columns, FromAbove,
+    Layers, Core, Eclipse, Dimmed, MoonShadow,
 )  # fmt: skip
 # what is handed in again, or follows from what is
 _GIVEN: dict[type, set[str]] = {
@@ -235,6 +235,8 @@ def _check(lit: LitGrid) -> None:
             and c.air_scattering.shape == (nz, DEGREE),
             "coefficients of all species",
         )  # fmt: skip
+    if light.columns is not None:
+        _check_columns(light.columns, (nz, ny, nx))
     for moments, coarser in zip(light.moments or [], light.coarser, strict=True):
         blocks = -(-nx // moments.values.shape[-1])
         _require(moments.place.shape == (nz, ny, blocks) and _places(moments.place, moments.values), "moments")
@@ -242,6 +244,23 @@ def _check(lit: LitGrid) -> None:
         if coarser.factor:
             rows = -(-ny // coarser.factor)
             _require(coarser.place.shape[:2] == (nz, rows) and 0 < coarser.columns <= nx, "a coarser grid's shape")
+
+
+def _check_columns(columns: Columns, shape: tuple[int, int, int]) -> None:
+    """What the kernel of a grid's columns takes for granted."""
+    _require(type(columns) is Columns and type(columns.above) is FromAbove, "columns")
+    (nz, ny, nx), count = shape, columns.count
+    inflow, lacking, sun_table, missed = columns.above
+    node, suns = columns.ground_node, inflow.shape[1]
+    _require(
+        0 < count <= PACK and inflow.shape == (count, suns, 2) and missed.shape == (count, suns)
+        and lacking.shape[:3] == (count, nz, suns) and lacking.ndim == 4
+        and min(suns, lacking.shape[3]) > 1 and _indices(sun_table, suns)
+        and node.shape == columns.mu_sun.shape == (ny, nx) and bool(((node >= 0) & (node <= nz - 2)).all())
+        and columns.local_sun.shape == (ny, nx, 3) and columns.half_m.shape == (2, 2)
+        and columns.albedo.shape == columns.direct.shape == (count, ny, nx),
+        "light from above the grid's columns",
+    )  # fmt: skip
 
 
 def _check_shells(shells: Shells) -> None:

@@ -28,8 +28,13 @@ from openswim.transport.march.volume import Shells
 
 F64 = NDArray[np.float64]
 
-_MU_SUN = np.array([-0.1, -0.03, 0.0, 0.03, 0.08, 0.15, 0.25, 0.4, 0.6, 0.8, 1.0])
-_MU_VIEW = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.65, 1.0])
+# In twilight close, where light falls to a tenth within two degrees; between them logarithms are read
+_MU_SUN = np.array([
+    -0.4, -0.35, -0.31, -0.26, -0.21, -0.17, -0.14, -0.12, -0.1, -0.08, -0.06, -0.045, -0.03, -0.015, 0.0, 0.015, 0.03,
+    0.05, 0.08, 0.11, 0.15, 0.2, 0.25, 0.32, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0,
+])  # fmt: skip
+_DARKEST = 1e-14  # L' that stands for none
+_MU_VIEW = np.array([0.05, 0.075, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.37, 0.45, 0.55, 0.65, 0.8, 1.0])
 _FROM_M = 5e6  # along a ray from the ground, beyond all air
 _NEXT_TO_BLACK = 0.005  # albedos that tell nothing of t
 # Eyes between which this fades in: to lower ones the air below them is not all that they see
@@ -40,8 +45,8 @@ _LEVEL = 0.15  # cosine of the zenith angle, up to which it fades out: beside ra
 
 @dataclass(frozen=True)
 class LitFromBelow:
-    """t (PACK, suns, views), albedo a and share s (PACK,) of the shells that rays go through, and the flux (PACK, suns)
-    at their ground."""
+    """Logarithms of t (PACK, suns, views), albedo a and share s (PACK,) of the shells that rays go through, and
+    logarithms of the flux (PACK, suns) at their ground."""
 
     table: F64
     albedo: F64
@@ -57,12 +62,12 @@ class LitFromBelow:
         # flux at the ground goes with 1/(1 - s a)
         grown = black.ground_flux.sum(axis=0, dtype=float) / np.maximum(shells.ground_flux.sum(axis=0), 1e-30)
         share = np.clip((1 - grown) / np.maximum(albedo, _NEXT_TO_BLACK), 0.0, 1.0)
-        more = np.maximum(_path_radiance(shells) - _path_radiance(black), 0.0)
-        table = more / np.maximum(_sent(albedo, share), 1e-30)[:, None, None]
+        more = np.maximum(_path_radiance(shells) - _path_radiance(black), _DARKEST)
+        table = np.log(more / np.maximum(_sent(albedo, share), 1e-30)[:, None, None])
         places = np.interp(_MU_SUN, np.linspace(-1, 1, len(shells.moment_sun_table)), shells.moment_sun_table)
         suns = np.arange(len(shells.ground_flux))
-        flux = [np.interp(places, suns, own) for own in shells.ground_flux.T]
-        return cls(table, albedo, share, np.array(flux))
+        flux = np.array([np.interp(places, suns, own) for own in shells.ground_flux.T])
+        return cls(table, albedo, share, np.log(np.maximum(flux, _DARKEST)))
 
     def more(self, albedo: F64, dull: F64, mu_sun: F64, mu_view: F64, eye_m: F64) -> tuple[F64, F64]:
         """L' (n, PACK) of the air, and of the ground, to add to rays that end on ground of this albedo (n, PACK), by
@@ -73,9 +78,10 @@ class LitFromBelow:
         whole = smooth_step((eye_m - LOWEST_EYE_M) / (_HIGHEST_EYE_M - LOWEST_EYE_M)) * smooth_step(mu_view / _LEVEL)
         sent = _sent(albedo, self.share) - _sent(self.albedo, self.share)
         grown = (1 - self.share * self.albedo) / (1 - self.share * albedo) - 1
-        flux = bilinear(self.flux[:, None], at_sun, 0 * at_sun)
+        flux = np.exp(bilinear(self.flux[:, None], at_sun, 0 * at_sun))
+        of_air = np.exp(bilinear(self.table, at_view, at_sun))
         whole = whole[:, None]
-        return whole * sent * bilinear(self.table, at_view, at_sun), whole * grown * 4 * dull[:, None] * albedo * flux
+        return whole * sent * of_air, whole * grown * 4 * dull[:, None] * albedo * flux
 
 
 def _path_radiance(shells: Shells) -> F64:
