@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from tests.transport.scenes import grid_scene, sun_at_zenith_angle
 
 from openswim.optics.chosen import with_stratosphere
 from openswim.scene import Scene
 from openswim.scene.frame import scene_frame
 from openswim.scene.rays import Rays
 from openswim.solver import Solver
+from openswim.transport.ground_light.fluxes import sky_flux
 from openswim.validation.clearsky import ClearSky
 
 
@@ -21,6 +23,20 @@ def test_no_sun_stands_out():
     assert (np.diff(light) < 0).all()
     for a, b, c in (light[:3], light[3:]):
         assert b / np.sqrt(a * c) == pytest.approx(1.0, abs=0.08)
+
+
+@pytest.mark.parametrize(("altitude_deg", "most"), [(1.5, 0.0085), (-2.0, 0.0115), (-5.0, 0.0114), (-8.0, 0.0175)])
+def test_swept_ground_has_the_light_of_the_sky_over_it(altitude_deg: float, most: float) -> None:
+    """Over 47 km. It comes in nearly level from where it is brighter, of which the sky over the middle tells nothing:
+    with the sun 8 degrees down the middle had a fifth less."""
+    field = np.zeros((24, 48, 48), np.float32)
+    field[8, 20, 20] = 1e-9
+    scene = grid_scene(field, field.shape, (1000.0, 1000.0, 700.0), curved=True, air=True, surface_albedo=0.2)
+    lit = Solver().solve(scene, sun_at_zenith_angle(90 - altitude_deg), [615.0, 450.0]).lit[0]
+    known = np.moveaxis(sky_flux(lit.shells, lit.lighting.mu_sun.ravel()), -1, 0).reshape(lit.lighting.diffuse.shape)
+    ratio = (lit.lighting.diffuse / known)[:2]
+    assert lit.swept
+    np.testing.assert_allclose(ratio, 1, atol=most)
 
 
 @pytest.mark.slow

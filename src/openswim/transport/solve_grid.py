@@ -31,7 +31,14 @@ from openswim.transport.diffuse import spectral
 from openswim.transport.diffuse import sweeper as diffuse
 from openswim.transport.diffuse.absorbed_beam import beam_around
 from openswim.transport.diffuse.earlier import EarlierLight, Start
-from openswim.transport.diffuse.inflow import Clear, GroundLight, SweptAround, light_through_sides
+from openswim.transport.diffuse.inflow import (
+    Clear,
+    GroundLight,
+    SweptAround,
+    clear_down_flux,
+    light_through_sides,
+    some_columns,
+)
 from openswim.transport.diffuse.moments import Moments
 from openswim.transport.diffuse.optical_grid import at_another_wavelength, optical_grid
 from openswim.transport.engine.decisions import Decisions
@@ -55,6 +62,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _WITHIN_ZONE = 4  # directions in which a level ordinate looks out of the grid
+_TWILIGHT_MU = 0.03  # cosine of the sun's zenith angle below which clear air is swept by itself: above it misses 1 %
 _NARROWEST = 0.5  # of its height, a period's width without air: in less level light goes round too often
 
 
@@ -232,6 +240,10 @@ def _with_moments(
     first = first.decided(decide)
     pool = Pool()
     plane_parallel = (ny, nx) == (1, 1)
+    twilight = airy and not medium.periodic and min(ny, nx) > 1 and wider is None and float(sun[2]) < _TWILIGHT_MU
+    found_clear: dict[int, F32] = {}
+    if twilight:
+        there = _clear_beam_over(light, shells, count)
     beams, on_ground = clear_beam(medium.levels_m, sun[None, None], shells, count, blank_fields((nz, 1, 1), 2 * PACK))
     with job("diffuse light", count) as meter:
         for w in spectral.in_order(wl[:count]):
@@ -241,9 +253,13 @@ def _with_moments(
             enters = np.ascontiguousarray(inflow[..., w])
             ground = GroundLight(lighting.albedo_for_sweeps(w), lighting.flux_for_sweeps(w))
             sides = None
+            on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
+            clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
+            if twilight:
+                found_clear[w] = clear_down_flux(
+                    grid, clear, there[0][w], there[1][w], ordinates, setting.tolerance, decide.within("clear")
+                )
             if not ends.all() and not medium.periodic:
-                on_clear = float(on_ground[w, 0, 0]) * max(float(sun[2]), 0.0)
-                clear = Clear(enters, beams[w, :, 0, 0], float(lighting.mean_albedo[w]), on_clear)
                 sides = light_through_sides(
                     wider, medium, grid, clear, ground, ordinates, setting.tolerance, w, decide.within("sides")
                 )
@@ -274,12 +290,26 @@ def _with_moments(
     solutions = [found[min(w, count - 1)].solution for w in range(PACK)]
     for w, solution in enumerate(solutions):
         lighting.diffuse[w], lighting.up_top[w] = solution.fluxes
-    lighting.correct_quadrature(ordinates, inflow, shells, sun, medium, light.coefficients[0].scaled, ends)
+    missing = [found_clear[min(w, count - 1)] for w in range(PACK)] if twilight else []
+    lighting.correct_quadrature(ordinates, inflow, shells, sun, medium, light.coefficients[0].scaled, ends, missing)
     solved = replace(
         light, moments=[solution.moments for solution in solutions],
         coarser=[solution.coarser for solution in solutions], ratios=[solution.ratio for solution in solutions],
     )  # fmt: skip
     return solved, [solution.sweeps for solution in solutions[:count]]
+
+
+def _clear_beam_over(light: GridLight, shells: Shells, count: int) -> tuple[F32, F32]:
+    """The beam (count, nz, rows, columns) in clear air over `some_columns`, each under its own sun, and its flux on the
+    ground there."""
+    nz, *shape = light.medium.shape
+    suns = light.local_sun[some_columns((shape[0], shape[1]))]
+    every = suns.reshape(1, -1, 3)
+    beams, on_ground = clear_beam(
+        light.medium.levels_m, every, shells, count, blank_fields((nz, 1, every.shape[1]), 2 * PACK)
+    )
+    flux = on_ground.reshape(count, *suns.shape[:2]) * np.maximum(suns[..., 2], 0)
+    return beams.reshape(count, nz, *suns.shape[:2]), flux.astype(FLOAT)
 
 
 def shells_around(medium: Medium, place: F32 | F64, lighting: Lighting, sun: F64) -> tuple[Shells, float]:

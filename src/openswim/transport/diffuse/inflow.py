@@ -31,6 +31,7 @@ I64 = NDArray[np.int64]
 _MOST_COLUMNS = 96  # of a side; where there are more, every second or so tells enough
 _APART_M = 1e6  # so wide are their cells
 _MOST_SWEEPS, _MEMORY = 60, 6
+_CLEAR_COLUMNS = 13  # each way, of `clear_down_flux`
 
 
 class Columns:
@@ -187,3 +188,32 @@ def _light_of_wider(
     )
     known = harmonic_matrix(ordinates.direction, degree) @ of_air[..., 0].T
     return columns.light(clear.inflow, np.where(within, found - known[..., None], 0.0))
+
+
+def some_columns(shape: tuple[int, int]) -> tuple[I64, I64]:
+    """Rows (rows, 1) and columns (columns,) of some nodes spread over all (ny, nx), for `clear_down_flux`."""
+    j, i = (np.rint(np.linspace(0, count - 1, min(count, _CLEAR_COLUMNS))).astype(int) for count in shape)
+    return j[:, None], i
+
+
+def clear_down_flux(
+    grid: OpticalGrid, clear: Clear, beam: F32, direct_flux: F32, ordinates: Ordinates, tolerance: float,
+    decide: Decisions,
+) -> F32:  # fmt: skip
+    """Diffuse flux (rows, columns) at the ground that sweeps find in the clear air of a grid, in `some_columns` of it;
+    ``beam`` (nz, rows, columns) and its flux on the ground there."""
+    ny, nx = grid.ground_node.shape
+    j, i = some_columns((ny, nx))
+    shape = rows, columns = len(j), len(i)
+    nz, (species, *_) = len(grid.levels_m), grid.extinction.shape
+    wider = np.array([nx - 1, ny - 1]) / np.maximum([columns - 1, rows - 1], 1)
+    ground_node = np.full(shape, int(np.median(grid.ground_node)))
+    even = grid._replace(
+        extinction=whole_blocks(np.zeros((species, nz, *shape), FLOAT)), beam=whole_blocks(beam),
+        sun_harmonics=whole_blocks(grid.sun_harmonics[j.ravel()][..., i]), cell_m=grid.cell_m * wider,
+        ground_node=ground_node, cloudy=near_blocks(np.zeros((nz, *shape), bool), False),
+    ).decided(decide)  # fmt: skip
+    albedo = np.full(shape, clear.ground_albedo, FLOAT)
+    sweeper = Sweeper.of(even, clear.inflow, albedo, direct_flux, ordinates, Pool(), decide=decide)
+    sweeper.solve(sweeper.nothing(), 0.05 * tolerance, _MOST_SWEEPS, _MEMORY)
+    return sweeper.fluxes()[0]

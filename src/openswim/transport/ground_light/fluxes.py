@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -163,11 +164,12 @@ class Lighting:
 
     def correct_quadrature(
         self, ordinates: Ordinates, inflow: F32, shells: Shells, sun: F64, medium: Medium, scaled: F32,
-        ends: NDArray[np.bool_],
+        ends: NDArray[np.bool_], found: Sequence[F32] = (),
     ) -> None:  # fmt: skip
         """Add what the ordinates miss of the clear sky's diffuse flux, which is known better, where the sky is seen.
 
-        scaled, ends: see `clear_share`.
+        scaled, ends: see `clear_share`. found: in twilight, when light comes in nearly level and falls from place to
+        place, what sweeps find in clear air (rows, columns) of each wavelength, see `clear_down_flux`.
         """
         self.clear_sky = clear_sky_table(shells, sun)
         if not shells.moments.size:
@@ -175,12 +177,16 @@ class Lighting:
         q, weight = ordinates
         down = q[:, 2] > 0
         raw = ((weight * q[:, 2])[down, None] * inflow[down, 0]).sum(axis=0) / (4 * np.pi)
+        share = clear_share(medium, scaled, ordinates, inflow[:, 0], ends)
+        if found:
+            known = np.moveaxis(sky_flux(shells, self.mu_sun.ravel()).reshape(*self.mu_sun.shape, -1), -1, 0)
+            every = np.stack([_spread_over(one, self.mu_sun.shape) for one in found])
+            self.diffuse += (share * (known - every)).astype(FLOAT)
+            return
         mu = np.array([sun[2]])
         ratio = np.where(raw > 0, sky_flux(shells, mu)[0] / np.maximum(raw, 1e-30), 1.0)
         missed = (np.clip(ratio, 0.8, 1.25) - 1) * raw
-        self.diffuse += missed.astype(FLOAT)[:, None, None] * clear_share(
-            medium, scaled, ordinates, inflow[:, 0], ends
-        )
+        self.diffuse += missed.astype(FLOAT)[:, None, None] * share
 
     def mean_fluxes(self) -> dict[str, F64]:
         """Domain means (nw,): up_top, down_bottom (diffuse), direct_bottom (unscattered), up_bottom."""
@@ -194,6 +200,13 @@ class Lighting:
             "up_bottom": self.albedo * (beam + self.diffuse_on_slopes()),
         }
         return {name: np.asarray(v, float).mean(axis=(1, 2)) for name, v in named.items()}
+
+
+def _spread_over(values: F32, shape: tuple[int, ...]) -> F64:
+    """Values at places spread evenly over columns, at all of these."""
+    iy, ix = (np.linspace(0, have - 1, want) for have, want in zip(values.shape, shape, strict=True))
+    x, y = np.meshgrid(ix, iy)
+    return bilinear(values, x.ravel(), y.ravel()).reshape(shape)
 
 
 def _shining(surface: Surface, lat: F64, lon: F64, shape: tuple[int, int]) -> F32 | None:
