@@ -69,3 +69,15 @@ def test_sea_ice_is_told_by_the_albedo_of_water(albedo: float, ice: float, tmp_p
     assert ("sea ice by the surface albedo" in told[0]) == (ice > 0)
     sample = surface_properties(scene, [83.0], [20.0], [546.0])
     assert float(sample.sea_ice[0]) == pytest.approx(ice, abs=1e-3)
+
+
+@pytest.mark.parametrize(("south_deg", "albedo", "snow"), [(60.0, 0.2, 0.0), (60.0, 0.475, 0.5), (22.0, 0.475, 0.0)])
+def test_snow_is_told_by_the_albedo_of_land_but_in_deserts(
+    south_deg: float, albedo: float, snow: float, tmp_path: Path
+) -> None:
+    """Siberia, and the Sahara."""
+    lat, lon = np.arange(south_deg, south_deg + 3.1, 0.5), np.arange(20.0, 28.1, 1.0) + (80.0 if south_deg > 40 else 0)
+    scene = openswim.open_scene(_file(tmp_path, lat, lon, np.full((lat.size, lon.size), albedo, np.float32)))
+    assert any("snow by the surface albedo" in note for note in scene.notes) == (snow > 0)
+    found = scene.data["snow_area_fraction"].values if snow else np.zeros(1)
+    np.testing.assert_allclose(found, snow, atol=1e-6)

@@ -22,7 +22,7 @@ from openswim.readers.common.members import OneMember, of_member
 from openswim.readers.domain.beyond import with_beyond
 from openswim.readers.domain.cutting import part_of
 from openswim.readers.domain.neighbourhood import Neighbourhood
-from openswim.readers.domain.shores import astray, complete_sea
+from openswim.readers.domain.shores import astray, complete_ground
 from openswim.readers.registry import by_reader
 from openswim.readers.series import describe_series, files_at, files_by_time, info_of, times_of
 from openswim.scene import Grid, Ground, Scene
@@ -71,7 +71,7 @@ def open_scene(
         scene = _open_several(groups, time, place) if len(groups) > 1 else _open(*groups.popitem(), time, place)
     scene.notes += [note for note in astray(scene) if note not in scene.notes]  # of one that was kept with it
     for level in scene.levels:
-        complete_sea(level)
+        complete_ground(level)
     if member is not None:
         scene.source = f"{scene.source}, member {member}"
     if place is not None and scene.cut and scene.wider is None and not place.from_space:

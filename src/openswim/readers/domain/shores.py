@@ -1,5 +1,5 @@
-"""Shores and ice at sea of files that have none; and whether a file's land lies where the Earth has land, which tells
-rows that run the wrong way, and a wrong place."""
+"""Shores, ice at sea and snow of files that have none; and whether a file's land lies where the Earth has land, which
+tells rows that run the wrong way, and a wrong place."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ _NARROWEST_M = 5e4  # of domains: shores are known to 5 km
 _ASTRAY, _BY_CHANCE = 0.25, 0.3
 # Broadband albedo of open water, of ice in it; no land is as dark as the one, no water as bright as the other
 _WATER, _ICE, _LEAST_LAND, _LEAST_ICE = 0.06, 0.6, 0.08, 0.3
+# No desert is as bright so far from the equator; under snow land is in the mean
+_LEAST_SNOW, _SNOW_DEG, _BARE, _SNOW = 0.4, 40.0, 0.15, 0.8
 _ICE_BY_ALBEDO = f"sea ice by the surface albedo, where that of water is above {_LEAST_ICE:g}"
+_SNOW_BY_ALBEDO = f"snow by the surface albedo, where that of land is above {_LEAST_SNOW:g} beyond {_SNOW_DEG:.0f} degrees"
 
 
-def complete_sea(scene: Scene) -> None:
+def complete_ground(scene: Scene) -> None:
     """Land and water from the map, where the notes of a scene with an albedo say so: without them the albedo would be
-    that of a ground which is the same in all directions, at sea too. And sea ice by the albedo, where nothing else
-    tells of it."""
+    that of a ground which is the same in all directions, at sea too. And sea ice and snow by the albedo, where nothing
+    else tells of them."""
     grid, data = scene.grid, scene.data
     if grid is None or not grid.curved or "surface_albedo" not in data or "wavelength" in data["surface_albedo"].dims:
         return
@@ -48,6 +51,13 @@ def complete_sea(scene: Scene) -> None:
         ice = np.clip((albedo - _WATER) / (_ICE - _WATER), 0.0, 1.0)
         fields["sea_ice_area_fraction"] = np.where(icy, ice, 0.0).astype(np.float32)
         scene.notes = [note.replace(INSTEAD["sea_ice_area_fraction"], _ICE_BY_ALBEDO) for note in scene.notes]
+    white = (land >= 0.5) & (albedo > _LEAST_SNOW) & (np.abs(_places(grid)[1]) > _SNOW_DEG)
+    if white.any() and not {"snow_area_fraction", "snow_depth"} & set(data.data_vars) and _says(
+        scene, "snow_area_fraction"
+    ):
+        snow = np.clip((albedo - _BARE) / (_SNOW - _BARE), 0.0, 1.0)
+        fields["snow_area_fraction"] = np.where(white, snow, 0.0).astype(np.float32)
+        scene.notes = [note.replace(INSTEAD["snow_area_fraction"], _SNOW_BY_ALBEDO) for note in scene.notes]
     found = {name: (SURFACE_DIMS, values) for name, values in fields.items() if values is not None}
     scene.data = data.drop_vars(list(fields), errors="ignore").assign(found)
 
@@ -70,14 +80,19 @@ def _of_land(albedo: NDArray[np.float32], land: NDArray[np.float32]) -> NDArray[
 
 def _land_of_the_map(grid: Grid) -> NDArray[np.float32]:
     """Share of land (ny, nx) around each node."""
-    row, column = np.indices(grid.shape[1:], dtype=float)
-    lon, lat = grid.lonlat(column.ravel(), row.ravel())
+    lon, lat = (each.ravel() for each in _places(grid))
     cell_m = min(grid.spacing_m())
     if cell_m > earth.MASK_M:
         land = earth.mean_land(lat, lon, cell_m)
     else:
         land = 1 - earth.sharpened(earth.water_fraction(lat, lon))
     return land.reshape(grid.shape[1:]).astype(np.float32)
+
+
+def _places(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Longitude and latitude (ny, nx) of the nodes."""
+    row, column = np.indices(grid.shape[1:], dtype=float)
+    return grid.lonlat(column, row)
 
 
 def astray(scene: Scene) -> list[str]:
