@@ -24,7 +24,7 @@ _WATER, _ICE, _LEAST_LAND, _LEAST_ICE = 0.06, 0.6, 0.08, 0.3
 # No desert is as bright so far from the equator; under snow land is in the mean
 _LEAST_SNOW, _SNOW_DEG, _BARE, _SNOW = 0.4, 40.0, 0.15, 0.8
 _ICE_BY_ALBEDO = f"sea ice by the surface albedo, where that of water is above {_LEAST_ICE:g}"
-_SNOW_BY_ALBEDO = f"snow by the surface albedo, where that of land is above {_LEAST_SNOW:g} beyond {_SNOW_DEG:.0f} degrees"
+_SNOW_BY_ALBEDO = f"snow by the surface albedo, where land beyond {_SNOW_DEG:.0f} degrees has more than {_LEAST_SNOW:g}"
 
 
 def complete_ground(scene: Scene) -> None:
