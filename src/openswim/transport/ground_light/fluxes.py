@@ -181,7 +181,7 @@ class Lighting:
         if found:
             known = np.moveaxis(sky_flux(shells, self.mu_sun.ravel()).reshape(*self.mu_sun.shape, -1), -1, 0)
             every = np.stack([_spread_over(one, self.mu_sun.shape) for one in found])
-            self.diffuse += (share * (known - every)).astype(FLOAT)
+            self.diffuse = np.maximum(self.diffuse + share * (known - every), 0).astype(FLOAT)
             return
         mu = np.array([sun[2]])
         ratio = np.where(raw > 0, sky_flux(shells, mu)[0] / np.maximum(raw, 1e-30), 1.0)
