@@ -37,7 +37,7 @@ def cloud(shape: tuple[int, int, int]) -> np.ndarray:
 
 @cache
 def scenes() -> dict[str, Scene]:
-    wide = grid_scene(cloud((6, 12, 12)), (6, 12, 12), (3000.0, 3000.0, 500.0), curved=True, air=True)
+    wide = grid_scene(cloud((6, 12, 12)), (6, 12, 12), (10_000.0, 10_000.0, 500.0), curved=True, air=True)
     return {
         "demo": demo_scene(32, 32, 16),
         "clear": Scene.clear(47.0, 8.0, time=np.datetime64("2024-06-21T10:00")),
@@ -152,6 +152,20 @@ def test_a_changed_description_is_refused(copy: Path, seed: int) -> None:
         light[0]["packs"][0][0]["channels"]["forward_depth"] = arrays[rng.integers(len(arrays))]
     with pytest.raises(UserError, match="damaged"):
         openswim.open_light(changed(copy, lights=light))
+
+
+def test_light_from_above_of_another_shape_is_refused(tmp_path: Path) -> None:
+    """Kernels read it by the sun over each column."""
+    path = tmp_path / "light.zarr"
+    openswim.light(scenes()["wide cells"], sun=(200.0, 40.0)).save(path)
+    lights = json.loads((path / ".zattrs").read_text())["lights"]
+    above = lights[0]["packs"][0][0]["light"]["columns"]["above"]
+    for name in ("inflow", "lacking", "sun_table", "missed"):
+        own, above[name] = above[name], lights[0]["packs"][0][0]["medium"]["terrain_m"]
+        with pytest.raises(UserError, match="damaged"):
+            openswim.open_light(changed(path, lights=lights))
+        above[name] = own
+    openswim.open_light(changed(path, lights=lights))
 
 
 @pytest.mark.parametrize("checksum", ["kept", "gone"])

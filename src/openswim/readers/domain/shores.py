@@ -38,32 +38,40 @@ def complete_ground(scene: Scene) -> None:
     fields: dict[str, NDArray[np.float32] | None] = {}
     if "land_area_fraction" in data:
         land = data["land_area_fraction"].transpose(*SURFACE_DIMS).values
-    elif not _says(scene, "land_area_fraction"):
-        return
-    else:
+    elif _lacks(scene, "land_area_fraction"):
         try:
             land = _land_of_the_map(grid)
         except UserError:  # without the maps the albedo is all there is
             return
         fields |= {"land_area_fraction": land, "surface_albedo": _of_land(albedo, land)}
-    icy = (land < 0.5) & (albedo > _LEAST_ICE)
-    if icy.any() and "sea_ice_area_fraction" not in data and _says(scene, "sea_ice_area_fraction"):
-        ice = np.clip((albedo - _WATER) / (_ICE - _WATER), 0.0, 1.0)
-        fields["sea_ice_area_fraction"] = np.where(icy, ice, 0.0).astype(np.float32)
-        scene.notes = [note.replace(INSTEAD["sea_ice_area_fraction"], _ICE_BY_ALBEDO) for note in scene.notes]
-    white = (land >= 0.5) & (albedo > _LEAST_SNOW) & (np.abs(_places(grid)[1]) > _SNOW_DEG)
-    if white.any() and not {"snow_area_fraction", "snow_depth"} & set(data.data_vars) and _says(
-        scene, "snow_area_fraction"
-    ):
-        snow = np.clip((albedo - _BARE) / (_SNOW - _BARE), 0.0, 1.0)
-        fields["snow_area_fraction"] = np.where(white, snow, 0.0).astype(np.float32)
-        scene.notes = [note.replace(INSTEAD["snow_area_fraction"], _SNOW_BY_ALBEDO) for note in scene.notes]
-    found = {name: (SURFACE_DIMS, values) for name, values in fields.items() if values is not None}
-    scene.data = data.drop_vars(list(fields), errors="ignore").assign(found)
+    else:
+        return
+    if _lacks(scene, "sea_ice_area_fraction"):
+        icy, share = (land < 0.5) & (albedo > _LEAST_ICE), (albedo - _WATER) / (_ICE - _WATER)
+        fields |= _by_albedo(scene, "sea_ice_area_fraction", icy, share, _ICE_BY_ALBEDO)
+    white = (land >= 0.5) & (albedo > _LEAST_SNOW)
+    if _lacks(scene, "snow_area_fraction") and "snow_depth" not in data and white.any():
+        white &= np.abs(_places(grid)[1]) > _SNOW_DEG
+        share = (albedo - _BARE) / (_SNOW - _BARE)
+        fields |= _by_albedo(scene, "snow_area_fraction", white, share, _SNOW_BY_ALBEDO)
+    if fields:
+        found = {name: (SURFACE_DIMS, values) for name, values in fields.items() if values is not None}
+        scene.data = data.drop_vars(list(fields), errors="ignore").assign(found)
 
 
-def _says(scene: Scene, name: str) -> bool:
-    return any(note.endswith(f": {INSTEAD[name]}") for note in scene.notes)
+def _lacks(scene: Scene, name: str) -> bool:
+    """Whether a model's file has none of it; a scene that was made by hand is meant to have none."""
+    return name not in scene.data and any(note.endswith(f": {INSTEAD[name]}") for note in scene.notes)
+
+
+def _by_albedo(
+    scene: Scene, name: str, where: NDArray[np.bool_], share: NDArray[np.floating], told: str
+) -> dict[str, NDArray[np.float32]]:
+    """A cover that the albedo tells, ``told`` in its note; nothing if there is none."""
+    if not where.any():
+        return {}
+    scene.notes = [note.replace(INSTEAD[name], told) for note in scene.notes]
+    return {name: np.where(where, np.clip(share, 0.0, 1.0), 0.0).astype(np.float32)}
 
 
 def _of_land(albedo: NDArray[np.float32], land: NDArray[np.float32]) -> NDArray[np.float32] | None:
