@@ -26,7 +26,7 @@ from openswim.transport.montecarlo.phase import (
     uniform,
     unit_circle,
 )
-from openswim.transport.montecarlo.track import air_beam
+from openswim.transport.montecarlo.track import FAR, _face_m, air_beam
 from openswim.transport.montecarlo.world import BLOCK, block_majorants, build_world, empty_blocks
 
 PHASES = [HenyeyGreenstein(0.85), HenyeyGreenstein(-0.3), Rayleigh(), mie.phase_function("liquid", 546.0)]
@@ -168,6 +168,25 @@ def test_jumps_end_before_cloud(periodic: bool) -> None:
             assert cloud(place, int(free[place]) + 1)
     assert (free[full] == 0).all()
     assert (empty_blocks(np.zeros_like(free), periodic) > 9).all()
+
+
+@njit
+def _faces_passed(x: float, per: float, cells: int, most: int) -> int:
+    """Steps of a ray of ``per`` metres a cell from index x until it is out of ``cells``, or 1e6 m are behind."""
+    gone, n = 0.0, 0
+    while n < most and gone < 1e6 and 0.0 <= x <= cells:
+        block = min(int(x) // BLOCK, (cells - 1) // BLOCK)
+        step = _face_m(x, per, block, np.int64(0), cells) + 0.01
+        gone, n = gone + step, n + 1
+        x += step / per
+    return n
+
+
+@pytest.mark.parametrize("per", [-1e17, 1e17, -1e9, 1e6, -3000.0, 3000.0, FAR])
+@pytest.mark.parametrize("x", [64.0, 63.9999999, 61.5])
+def test_rays_that_keep_to_a_face_do_not_stop_at_it(x: float, per: float) -> None:
+    """As those along a meridian, which rounding keeps on it: hundreds of kilometres went by in steps of 1 cm."""
+    assert _faces_passed(x, per, 128, 1000) <= 2 * 128 / BLOCK
 
 
 def _ground(n: int) -> SurfaceSample:

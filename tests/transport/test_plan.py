@@ -14,6 +14,7 @@ from openswim.transport import Field
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.medium import levels
 from openswim.transport.medium.plan import Fineness, fineness_of, plan_medium
+from openswim.transport.plan import plan_of
 
 SHAPE, CELL_M = (14, 28, 28), 60.0
 SUN = np.array([0.6, 0.2, 0.775])
@@ -185,6 +186,21 @@ def test_traces_of_cloud_above_the_air_cost_no_levels() -> None:
     assert found["traces"][1] == found["none"][1] < found["seen"][1] - 20
     for name, flux in found["none"][0].items():
         np.testing.assert_allclose(found["traces"][0][name], flux, rtol=1e-4, atol=1e-5)
+
+
+def test_reference_sees_the_clouds_that_fast_invents() -> None:
+    """Broken by their cover in cells of 100 km, under traces of ice up to 60 km: on levels and nodes that are alike."""
+    z = np.concatenate([np.arange(0.0, 6e3, 500.0), np.arange(6e3, 60.1e3, 1500.0)])
+    x, cloud = 1e5 * (np.arange(17) - 8.0), np.zeros((len(z), 17, 17), np.float32)
+    cloud[3:8, 4:15, 3:12] = 2e-3
+    cloud[z > 20e3] = 1e-9
+    scene = laid_scene(cloud, x, x, z, air=True, kind="ice", fields={"cloud_area_fraction": 0.4 * np.sign(cloud)})
+    matter, surface = matter_of(scene, WAVELENGTH_NM), surface_of(scene, WAVELENGTH_NM)
+    fast, reference = (plan_of(Solver(name), matter, surface, SUN).medium for name in ("fast", "reference"))
+    assert fast is not None
+    assert reference is not None
+    assert fast.fineness == reference.fineness > 4
+    np.testing.assert_array_equal(fast.own_levels_m, reference.own_levels_m)
 
 
 def test_clouds_broken_by_their_cover_are_swept_on_few_nodes_alone() -> None:

@@ -172,7 +172,7 @@ def plan_medium(matter: Matter, terrain_m: F32, mu_sun: float, asked: Fineness) 
         dx = dy = _WITHOUT_SIDES_M
         ny = nx = 1
     layered = asked.refine and sideless and matter.air is None and cover is None
-    if asked.extend and total is not None and not sideless:
+    if asked.refine and total is not None and not sideless:
         levels = without_traces(levels, heights, total)
     if layered and total is not None:
         own_heights = heights.reshape(len(heights), -1)[:, 0]

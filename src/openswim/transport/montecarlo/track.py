@@ -27,6 +27,7 @@ from openswim.transport.montecarlo.place import (
 )
 from openswim.transport.montecarlo.world import AIR_NODES, AIR_STEP_M, BLOCK, SUN_COSINES, SUN_HEIGHTS
 
+PAST_FACE = 1e-6  # cells: rays that all but keep to a face, as those along meridians, would stop there at each nudge
 NUDGE_M = 0.01  # past a face, so that no step ends on it; blocks reach a cell beyond their faces
 LEAST_BEAM = 0.25  # of a beam through cloud: below it chance decides whether it goes on
 ESCAPED, GROUND, CLOUD, AIR = 0, 1, 2, 3
@@ -85,8 +86,10 @@ def _face_m(x, per, block, free, cells):
     if per >= FAR:  # along the face, and perhaps in it
         return FAR
     if per > 0.0:
-        return (min((block + free + 1) * BLOCK, cells) - x) * per
-    return (max((block - free) * BLOCK, 0) - x) * per
+        way = (min((block + free + 1) * BLOCK, cells) - x) * per
+    else:
+        way = (max((block - free) * BLOCK, 0) - x) * per
+    return max(way, PAST_FACE * abs(per))
 
 
 @part(IN_ORDER, inlined=True)
