@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from openswim.transport.columns.integrated import WAYS, pass_parts, scatter_integrated
 from openswim.transport.columns.spherical_harmonics import (
+    LOOKS,
     MODES,
-    ORDERS,
     Ends,
     Places,
     back,
@@ -31,16 +32,18 @@ from openswim.transport.engine.pack import (
     spread_quadruple,
     write,
 )
-from openswim.transport.engine.scalar import step_emission, table_index, transmission
+from openswim.transport.engine.scalar import table_index, transmission
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.march.volume import DEGREE
 
 MOST_PARTS = 12  # of a cell
 _PART_DEPTH = FLOAT(0.8)  # delta-scaled optical depth of a part
+_PART_BEAM = FLOAT(0.3)  # share of sunlight that is lost in a part
 _ENDLESS = 1e30  # way of a sunbeam that enters by no open side
 _DARKEST = FLOAT(1e-30)  # root of a beam that stands for none
-_MOST, _LEAST = FLOAT(4.0), FLOAT(0.25)  # of a node's source, that the eye may be shown in its place
-_ZERO, _HALF, _ONE, _TWO = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0), FLOAT(2.0)
+_MOST, _LEAST = FLOAT(4.0), FLOAT(0.25)  # of a cell's light if its source were linear, that it may send
+_FLATTEST = FLOAT(0.15)  # cosine of the way to the eye, by which that is told
+_ZERO, _QUARTER, _HALF, _ONE, _TWO = FLOAT(0.0), FLOAT(0.25), FLOAT(0.5), FLOAT(1.0), FLOAT(2.0)
 
 F32 = NDArray[np.float32]
 
@@ -63,6 +66,7 @@ class Wanted(NamedTuple):
     """What is asked of columns."""
 
     count: int  # wavelengths
+    seen: bool  # whether an eye is to see them, or fluxes alone are wanted
     once: bool  # whether sources hold what is scattered but once
     part: NDArray[np.int64]  # (2, 2) rows and columns from and to which it is wanted, and maybe a few more
 
@@ -87,7 +91,7 @@ def _write_legendre(cosine, out, at):
 
 @part(FINITE)
 def _looks(j, i, levels_m, sun, eye, looks, phases, slopes):
-    """Of the way to the eye at every level: weights of the moments (nz, MODES, ORDERS), (2l+1) P_l of the angle from
+    """Of the way to the eye at every level: weights of the moments (nz, LOOKS, LOOKS), (2l+1) P_l of the angle from
     the sun (nz, DEGREE), and the cosine upward (nz), for LANES columns."""
     nx = sun.shape[2]
     s = j * 3 * nx + i
@@ -97,17 +101,15 @@ def _looks(j, i, levels_m, sun, eye, looks, phases, slopes):
         along = x * sx + y * sy  # sines of both zenith angles, times the cosine between azimuths
         _write_legendre(along + z * sz, phases, k * DEGREE * LANES)
         write(slopes, k * LANES, _ZERO - z)
-        for m in range(MODES):
-            n = (k * MODES + m) * ORDERS * LANES
+        sines = (_ONE - z * z) * (_ONE - sz * sz)
+        turn, next_turn = spread_quadruple(_ONE), along  # sines^m cos(m azimuth)
+        for m in range(LOOKS):
+            n = (k * LOOKS + m) * LOOKS * LANES
             direction(m, _ZERO - z, n, looks)
-            turn = spread_quadruple(_ONE)
-            if m == 1:
-                turn = _TWO * along
-            elif m == 2:
-                turn = _TWO * (_TWO * along * along - (_ONE - z * z) * (_ONE - sz * sz))
-            for ell in range(m, m + ORDERS):
+            for ell in range(m, DEGREE):
                 at = n + (ell - m) * LANES
-                write(looks, at, FLOAT(2 * ell + 1) * turn * read_quadruple(looks, at))
+                write(looks, at, FLOAT((2 * ell + 1) * min(m + 1, 2)) * turn * read_quadruple(looks, at))
+            turn, next_turn = next_turn, _TWO * along * next_turn - sines * turn
 
 
 @part(FINITE)
@@ -181,7 +183,10 @@ def _count_parts(nodes, levels_m, parts):
         a = k * (DEGREE + 3) * LANES
         mean = _HALF * (read_quadruple(nodes, a) + read_quadruple(nodes, a + (DEGREE + 3) * LANES))
         depth = largest(mean) * FLOAT(levels_m[k + 1] - levels_m[k])
-        parts[k] = max(1, min(MOST_PARTS, int(np.ceil(depth / _PART_DEPTH))))
+        low = transmission(read_quadruple(nodes, a + (DEGREE + 2) * LANES))
+        up = transmission(read_quadruple(nodes, a + (2 * DEGREE + 5) * LANES))
+        count_of_cell = max(depth / _PART_DEPTH, largest(up - low) / _PART_BEAM)
+        parts[k] = max(1, min(MOST_PARTS, int(np.ceil(count_of_cell))))
         count += parts[k]
     return count
 
@@ -202,6 +207,7 @@ def _place_at(s, k, share, nodes, places):
     write(places.sunlit, s * LANES, depth)
     low, up = read_quadruple(nodes, a + (DEGREE + 1) * LANES), read_quadruple(nodes, b + (DEGREE + 1) * LANES)
     write(places.source, s * LANES, (low + share * (up - low)) * transmission(depth))
+    write(places.bend, s * LANES, spread_quadruple(_ZERO))
 
 
 @part(FINITE)
@@ -245,60 +251,101 @@ def _lacking(w, k, m, share, cosine, lacking):
 
 
 @part(FINITE)
-def _show(w, count, j, i, parts, places, slopes, missing, fields):
-    """Into the fields each node's source: its own, or in thick cells what makes the eye, which takes it as linear to
-    the next node, see what the parts send up: of the light L = int S e^-tau dtau of a cell's parts, A S_up + B S_low
-    if it were linear between the nodes' S, so that S_low = (L - A S_up)/B, within bounds of its own."""
-    medium, source = places.medium, places.source
-    nz, ny, nx = fields.shape[:3]
-    channels = fields.shape[3]
+def _read_as_linear(above, first, count, steep, places, read):
+    """Of a cell of ``count`` parts from place ``first`` on, as an eye ``above`` or below sees it along a way that is
+    ``steep`` (|cosine|): what passes it, what of a source linear in it is that of the near node and of the far one, and
+    by what share light is more than it would be with a source linear between the nodes; into ``read`` (4, LANES)."""
+    medium, source, bend = places.medium, places.source, places.bend
+    row = (DEGREE + 1) * LANES
+    through, real = spread_quadruple(_ONE), spread_quadruple(_ZERO)
+    near, far = spread_quadruple(_ZERO), spread_quadruple(_ZERO)
+    share = _ONE / FLOAT(2 * count)
+    for step in range(2 * count):
+        half = 2 * count - 1 - step if above else step  # of parts, from below
+        s = first + half // 2
+        low, up = read_quadruple(medium, s * row), read_quadruple(medium, (s + 1) * row)
+        low_source, up_source = read_quadruple(source, s * LANES), read_quadruple(source, (s + 1) * LANES)
+        middle = _HALF * (low + up)
+        middle_source = _HALF * (low_source + up_source) + _QUARTER * read_quadruple(bend, s * LANES)
+        if half % 2 == 0:
+            up, up_source = middle, middle_source
+        else:
+            low, low_source = middle, middle_source
+        length = _HALF * flat(places.thick_m, s) / steep
+        depth = _HALF * (low + up) * length
+        trans = transmission(depth)
+        mean = choose_above(depth, FLOAT(0.01), (_ONE - trans) / depth, _ONE - _HALF * depth)
+        seen = through * mean * length
+        slope = length / (FLOAT(12.0) + _TWO * depth)  # see `step_emission`
+        if above:
+            from_low, from_up = seen * (_HALF - up * slope), seen * (_HALF + low * slope)
+        else:
+            from_low, from_up = seen * (_HALF + up * slope), seen * (_HALF - low * slope)
+        real += from_low * low_source + from_up * up_source
+        nearer, farther = FLOAT(step) * share, FLOAT(step + 1) * share
+        at_low, at_up = nearer, farther
+        if above:
+            at_low, at_up = farther, nearer
+        rest = from_low * at_low + from_up * at_up
+        far += rest
+        near += from_low + from_up - rest
+        through *= trans
+    own, other = read_quadruple(source, first * LANES), read_quadruple(source, (first + count) * LANES)
+    linear = near * own + far * other
+    if above:
+        linear = near * other + far * own
+    more = real / (linear + FLOAT(1e-20)) - _ONE
+    more = choose_above(more, _MOST - _ONE, spread_quadruple(_MOST - _ONE), more)
+    more = choose_above(_LEAST - _ONE, more, spread_quadruple(_LEAST - _ONE), more)
+    write(read, 0, through)
+    write(read, LANES, near)
+    write(read, 2 * LANES, far)
+    write(read, 3 * LANES, more)
+
+
+@part(FINITE)
+def _show(above, parts, places, slopes, read, shown):
+    """Into ``shown`` (nz, LANES) the nodes' sources for those of LANES eyes that are ``above`` or below what they see.
+
+    A march takes the source as linear between nodes. What that lacks in a cell, thick ones most, the nodes at both its
+    ends are given, each the mean share of its two cells by how much the eye sees of it in them.
+    """
+    nz = parts.shape[0]
     last = 0
     for k in range(nz - 1):
         last += parts[k]
-    shown = read_quadruple(source, last * LANES)
-    for k in range(nz - 1, -1, -1):
-        if k < nz - 1:
-            first = last - parts[k]
-            own = read_quadruple(source, first * LANES)
-            if parts[k] == 1:
-                shown = own
-            else:
-                slope = read_quadruple(slopes, k * LANES)
-                slope = choose_above(slope, _ZERO, slope, _ZERO - slope)
-                stretch = _ONE / choose_above(slope, FLOAT(0.15), slope, FLOAT(0.15))
-                through, real = spread_quadruple(_ONE), spread_quadruple(_ZERO)
-                near, far = spread_quadruple(_ZERO), spread_quadruple(_ZERO)
-                part = _ONE / FLOAT(parts[k])
-                for p in range(parts[k] - 1, -1, -1):
-                    s = first + p
-                    length = stretch * flat(places.thick_m, s)
-                    up, low = read_quadruple(medium, (s + 1) * (DEGREE + 1) * LANES), read_quadruple(
-                        medium, s * (DEGREE + 1) * LANES
-                    )
-                    depth = _HALF * (up + low) * length
-                    trans = transmission(depth)
-                    real += through * step_emission(
-                        depth, trans, length, read_quadruple(source, (s + 1) * LANES),
-                        read_quadruple(source, s * LANES), up, low,
-                    )  # fmt: skip
-                    upper, lower = FLOAT(p + 1) * part, FLOAT(p) * part
-                    near += through * step_emission(
-                        depth, trans, length, spread_quadruple(upper), spread_quadruple(lower), up, low
-                    )
-                    far += through * step_emission(
-                        depth, trans, length, spread_quadruple(_ONE - upper), spread_quadruple(_ONE - lower), up, low
-                    )
-                    through *= trans
-                wanted = (real - near * shown) / (far + FLOAT(1e-20))
-                most, least = _MOST * own, _LEAST * own
-                wanted = choose_above(wanted, most, most, wanted)
-                wanted = choose_above(least, wanted, least, wanted)
-                shown = choose_above(read_quadruple(slopes, k * LANES), _ZERO, wanted, own)
-            last = first
+    place = 0 if above else last
+    weight, share = spread_quadruple(_ZERO), spread_quadruple(_ZERO)  # the cell's behind
+    for n in range(nz):  # from the farthest node on
+        k = n if above else nz - 1 - n
+        own, slope = read_quadruple(places.source, place * LANES), read_quadruple(slopes, k * LANES)
+        lack = share
+        if n < nz - 1:
+            steep = choose_above(slope, _ZERO, slope, _ZERO - slope)
+            steep = choose_above(steep, _FLATTEST, steep, spread_quadruple(_FLATTEST))
+            count = parts[k] if above else parts[k - 1]
+            _read_as_linear(above, place if above else place - count, count, steep, places, read)
+            place += count if above else -count
+            behind, far = read_quadruple(read, 0) * weight, read_quadruple(read, 2 * LANES)
+            weight, share = read_quadruple(read, LANES), read_quadruple(read, 3 * LANES)
+            lack = (behind * lack + far * share) / (behind + far + FLOAT(1e-20))
+        value, before = own * (_ONE + lack), read_quadruple(shown, k * LANES)
+        if above:
+            write(shown, k * LANES, choose_above(slope, _ZERO, value, before))
+        else:
+            write(shown, k * LANES, choose_above(slope, _ZERO, before, value))
+
+
+@part(FINITE)
+def _fill_fields(w, count, j, i, missing, shown, fields):
+    """What the eye is shown of LANES columns, and what their air lacks, into the fields; beyond the last wavelength
+    its own again."""
+    nz, ny, nx = fields.shape[:3]
+    channels = fields.shape[3]
+    for k in range(nz):
         place = ((k * ny + j) * nx + i) * channels + PACK + w
-        write(slopes, nz * LANES, shown + read_quadruple(missing, k * LANES))
         for n in range(LANES):
-            value = flat(slopes, nz * LANES + n)
+            value = flat(shown, k * LANES + n) + flat(missing, k * LANES + n)
             put(fields, place + n * channels, value)
             for other in range(w + 1, PACK if w == count - 1 else w + 1):
                 put(fields, place + n * channels + other - w, value)
@@ -313,8 +360,9 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
         mu dL/dz + beta' L = sum_l (2l+1) sigma_l P_l(mu) [L_l + P_l(mu_sun) b],    b = e^-(depth to the sun),
 
     are eliminated from the ground up and solved back down, cell by cell in parts as thin as the light asks; what they
-    scatter toward the eye is the source S = sum_m sum_l (2l+1) sigma_l Y_l^m(eye) L_l^m, and ``wanted.once`` adds that
-    of the beam. The shapes are those of `Scatterers`, `Bounds`, `Eye`, `Wanted`, `Found`; ``tables``: `mode_tables`.
+    scatter toward the eye is the source S = sum_m sum_l (2l+1) sigma_l Y_l^m(eye) L_l^m, with L_l^m of light that is
+    integrated along slanted ways (`integrated.py`), and ``wanted.once`` adds that of the beam. The shapes are those of
+    `Scatterers`, `Bounds`, `Eye`, `Wanted`, `Found`; ``tables``: `mode_tables`.
     nx >= LANES. See `source_function.view_source`.
     """
     _, nz, ny, nx = scatterers.extinction.shape
@@ -330,27 +378,36 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
     places = Places(
         np.empty(most, FLOAT), np.empty(most, FLOAT), np.empty(most, FLOAT),
         np.empty(most * (DEGREE + 1) * LANES, FLOAT), np.empty(most * LANES, FLOAT), np.empty(most * LANES, FLOAT),
-        np.empty(most * LANES, FLOAT),
+        np.empty(most * LANES, FLOAT), np.empty(most * LANES, FLOAT),
     )  # fmt: skip
     ground, start = np.empty(3 * LANES, FLOAT), np.empty(6 * LANES, FLOAT)
     above, flux = np.empty(2 * LANES, FLOAT), np.zeros(2 * LANES, FLOAT)
     ends = Ends(ground, start, above, flux)
-    rows, lit = np.empty(most * 6 * LANES, FLOAT), np.empty(MODES * ORDERS * LANES, FLOAT)
-    looks, phases = np.empty(nz * MODES * ORDERS * LANES, FLOAT), np.empty(nz * DEGREE * LANES, FLOAT)
-    missing, slopes = np.empty(nz * LANES, FLOAT), np.empty((nz + 1) * LANES, FLOAT)
+    rows, lit = np.empty(most * 6 * LANES, FLOAT), np.zeros(LOOKS * LOOKS * LANES, FLOAT)
+    passed, ways = np.empty(most * WAYS * 2 * LANES, FLOAT), np.empty(most * WAYS * 2 * LANES, FLOAT)
+    work = np.empty((2 * WAYS + LOOKS) * LANES, FLOAT)
+    looks, phases = np.empty(nz * LOOKS * LOOKS * LANES, FLOAT), np.empty(nz * DEGREE * LANES, FLOAT)
+    missing, slopes = np.empty(nz * LANES, FLOAT), np.empty(nz * LANES, FLOAT)
+    read, shown = np.empty(4 * LANES, FLOAT), np.empty(nz * LANES, FLOAT)
     parts = np.empty(nz, np.int64)
     for j in range(part[0, 0] + t, part[0, 1], threads):
-        for block in range(part[1, 0] // LANES, (part[1, 1] + LANES - 1) // LANES):
-            i = min(block * LANES, nx - LANES)
-            _looks(j, i, levels_m, sun, eye, looks, phases, slopes)
-            for m in range(MODES):
-                direction(m, _ZERO - read_quadruple(sun, (j * 3 + 2) * nx + i), m * ORDERS * LANES, lit)
+        for column in range(part[1, 0], part[1, 1], LANES):
+            i = min(column, nx - LANES)
+            some_above = some_below = False
+            if wanted.seen:
+                _looks(j, i, levels_m, sun, eye, looks, phases, slopes)
+                for k in range(nz):
+                    slope = read_quadruple(slopes, k * LANES)
+                    some_above |= largest(slope) > _ZERO
+                    some_below |= largest(_ZERO - slope) >= _ZERO
+            for m in range(LOOKS):
+                direction(m, _ZERO - read_quadruple(sun, (j * 3 + 2) * nx + i), m * LOOKS * LANES, lit)
             least = nz
             for n in range(LANES):
                 put(ground, n, FLOAT(ground_node[j, i + n]))
                 least = min(least, ground_node[j, i + n])
             for w in range(count):
-                _nodes(w, j, i, scatterers, phases, wanted.once, fields, nodes)
+                _nodes(w, j, i, scatterers, phases, wanted.seen and wanted.once, fields, nodes)
                 if half_m[0, 0] + half_m[0, 1] + half_m[1, 0] + half_m[1, 1] > 0.0:
                     _shade_sides(j, i, ny, nx, levels_m, air_extinction[w], sun, half_m, nodes)
                 if w == 0:
@@ -364,19 +421,29 @@ def column_light(t, threads, scatterers, bounds, tables, eye, wanted, found):
                     put(ground, 2 * LANES + n, direct[w, j, i + n])
                     at = table_index(mu_sun[j, i + n], -1.0, per_cosine, sun_table)
                     m = min(int(at), inflow.shape[1] - 2)
-                    for k in range(nz):
+                    for k in range(nz if wanted.seen else 0):
                         cosine = -flat(slopes, k * LANES + n)
                         put(missing, k * LANES + n, _lacking(w, k, m, FLOAT(at - m), cosine, lacking))
                     for c in range(2):
                         low = inflow[w, m, c]
                         put(above, c * LANES + n, FLOAT(low + (at - m) * (inflow[w, m + 1, c] - low)))
-                for m in range(MODES):
-                    ground_start(m, tables, ground, start)
-                    if m > 0:
-                        write(start, 4 * LANES, spread_quadruple(_ZERO))
-                        write(start, 5 * LANES, spread_quadruple(_ZERO))
-                    eliminate(m, first, last, tables, places, lit, ends, rows)
-                    back(m, first, last, tables, places, lit, ends, rows, looks)
+                if wanted.seen:
+                    pass_parts(first, last, places, ends, passed)
+                for m in range(LOOKS if wanted.seen else 1):  # fluxes are of the first
+                    if m < MODES:
+                        ground_start(m, tables, ground, start)
+                        if m > 0:
+                            write(start, 4 * LANES, spread_quadruple(_ZERO))
+                            write(start, 5 * LANES, spread_quadruple(_ZERO))
+                        eliminate(m, first, last, tables, places, lit, ends, rows)
+                        back(m, first, last, tables, places, lit, ends, rows)
+                    if wanted.seen:
+                        scatter_integrated(m, first, last, places, lit, ends, rows, passed, looks, ways, work)
                 for n in range(LANES):
                     down[w, j, i + n], up[w, j, i + n] = flat(flux, n), flat(flux, LANES + n)
-                _show(w, count, j, i, parts, places, slopes, missing, fields)
+                if some_above:
+                    _show(True, parts, places, slopes, read, shown)
+                if some_below:
+                    _show(False, parts, places, slopes, read, shown)
+                if wanted.seen:
+                    _fill_fields(w, count, j, i, missing, shown, fields)

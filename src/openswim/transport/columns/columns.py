@@ -70,11 +70,11 @@ class Columns:
     once: bool = True  # whether the nodes' sources hold what is scattered once; else the march adds it
 
     def aim(
-        self, fields: F32, eye: F64, parallel: bool, part: Sequence[tuple[int, int]], down: F32 | None = None,
+        self, fields: F32, eye: F64 | None, parallel: bool, part: Sequence[tuple[int, int]], down: F32 | None = None,
         up: F32 | None = None,
     ) -> None:  # fmt: skip
-        """Fill the source channels for one eye, in ``part``; fluxes, which are alike to all eyes, go into ``down`` and
-        ``up`` (PACK or count, ny, nx): see `column_light`."""
+        """Fill the source channels for one eye, if there is any, in ``part``; fluxes, which are alike to all eyes, go
+        into ``down`` and ``up`` (PACK or count, ny, nx): see `column_light`."""
         down = np.empty_like(self.direct) if down is None else down
         up = np.empty_like(self.direct) if up is None else up
         m = self.medium
@@ -84,17 +84,16 @@ class Columns:
         )  # fmt: skip
         in_threads(
             column_light, Scatterers.of(m, self.coefficients[: self.count]), bounds, mode_tables(),
-            Eye.of(m.axes, m.place, eye, parallel), Wanted(self.count, self.once, np.array(part, np.int64)),
+            Eye.of(m.axes, m.place, np.zeros(3) if eye is None else eye, parallel),
+            Wanted(self.count, eye is not None, self.once, np.array(part, np.int64)),
             Found(fields, down, up),
         )  # fmt: skip
 
 
 def fluxes_of_columns(columns: Columns, volume: Volume, lighting: Lighting) -> None:
-    """The fluxes of columns into ``lighting``; the volume's sources are scratch."""
+    """The fluxes of columns into ``lighting``."""
     count, (_, ny, nx) = columns.count, columns.medium.shape
-    columns.aim(
-        volume.fields, np.array([0.0, 0.0, -1.0]), True, [(0, ny), (0, nx)], lighting.diffuse, lighting.up_top
-    )
+    columns.aim(volume.fields, None, True, [(0, ny), (0, nx)], lighting.diffuse, lighting.up_top)
     sky_seen = np.exp(-_DIFFUSIVITY * _cloud_depth(columns.medium, columns.coefficients[0].scaled))
     lighting.diffuse[:count] += sky_seen * columns.above.missed_at(columns.mu_sun)
     lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]

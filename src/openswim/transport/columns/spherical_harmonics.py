@@ -20,6 +20,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 MODES, ORDERS = 3, 4  # Fourier modes; degrees in each, from the mode's own on
+LOOKS = DEGREE  # modes, and degrees in each, of ways to the eye and to the sun: all that scattering knows
 _ZERO, _HALF, _ONE, _TWO = FLOAT(0.0), FLOAT(0.5), FLOAT(1.0), FLOAT(2.0)
 
 
@@ -33,6 +34,7 @@ class Places(NamedTuple):
     sunlit: F32  # (most, LANES) depth to the sun
     beam: F32  # (most, LANES) mean beam in the part above
     source: F32  # (most, LANES) what is scattered toward the eye, 1/m
+    bend: F32  # (most, LANES) four times what it has more in the middle of the part above than the mean of its ends
 
 
 class Ends(NamedTuple):
@@ -53,11 +55,11 @@ def _first(m: int) -> float:
     return float(np.prod(np.sqrt((2 * np.arange(m) + 1) / (2 * np.arange(m) + 2))))
 
 
-def harmonics_of_mode(mu: F64, m: int) -> F64:
-    """sqrt((l-m)!/(l+m)!) P_lm(mu) / sin^m, l = m ... m + 3: (4, n)."""
+def harmonics_of_mode(mu: F64, m: int, orders: int = ORDERS) -> F64:
+    """sqrt((l-m)!/(l+m)!) P_lm(mu) / sin^m, l = m ... m + orders - 1: (orders, n)."""
     before, this = np.zeros_like(mu), np.full_like(mu, _first(m))
     out = []
-    for ell in range(m, m + ORDERS):
+    for ell in range(m, m + orders):
         out.append(this)
         following = (2 * ell + 1) * mu * this - np.sqrt(ell**2 - m**2) * before
         before, this = this, following / np.sqrt((ell + 1) ** 2 - m**2)
@@ -85,9 +87,9 @@ def mode_tables() -> F32:
 
 def _recurrence() -> tuple[F32, F32, F32]:
     """Coefficients of `harmonics_of_mode`, [m, l - m] and [m]."""
-    m, ell = np.arange(MODES)[:, None], np.arange(MODES)[:, None] + np.arange(ORDERS)
+    m, ell = np.arange(LOOKS)[:, None], np.arange(LOOKS)[:, None] + np.arange(LOOKS)
     root_of_next = np.sqrt((ell + 1) ** 2 - m**2)
-    first = np.array([_first(n) for n in range(MODES)])
+    first = np.array([_first(n) for n in range(LOOKS)])
     up, down = (2 * ell + 1) / root_of_next, np.sqrt(ell**2 - m**2) / root_of_next
     return up.astype(FLOAT), down.astype(FLOAT), first.astype(FLOAT)
 
@@ -97,9 +99,9 @@ _UP, _BACK, _BEGIN = _recurrence()
 
 @part(FINITE)
 def direction(m, mu, n, out):
-    """`harmonics_of_mode` of LANES cosines into out[n:]."""
+    """`harmonics_of_mode` of LANES cosines into out[n:], those that scattering knows."""
     p0, p1 = spread_quadruple(_ZERO), spread_quadruple(_BEGIN[m])
-    for i in range(ORDERS):
+    for i in range(LOOKS - m):
         write(out, n + i * LANES, p1)
         up = _UP[m, i] * (mu * p1) - _BACK[m, i] * p0
         p0, p1 = p1, up
@@ -143,7 +145,7 @@ def eliminate(m, first, count, table, places, lit, ends, rows):
 
         C (e' - e) + A_o (o' + o) = s_o,    C^T (o' - o) + A_e (e' + e) = s_e;
 
-    R and q below give those above. ``lit`` (MODES, ORDERS, LANES): harmonics toward the sun.
+    R and q below give those above. ``lit`` (LOOKS, LOOKS, LANES): harmonics toward the sun.
     """
     thick, node, light, medium, start = places.thick_m, places.level, places.beam, places.medium, ends.start
     t = m * _TABLE
@@ -171,7 +173,7 @@ def eliminate(m, first, count, table, places, lit, ends, rows):
             w2, w3 = FLOAT(2 * m + 5), FLOAT(2 * m + 7)
             ae0, ao0 = w0 * (ext - half * s0), w1 * (ext - half * s1)
             ae1, ao1 = w2 * (ext - half * s2), w3 * (ext - half * s3)
-            y = m * ORDERS * LANES
+            y = m * LOOKS * LANES
             se0 = w0 * beam * s0 * read_quadruple(lit, y)
             so0 = w1 * beam * s1 * read_quadruple(lit, y + LANES)
             se1 = w2 * beam * s2 * read_quadruple(lit, y + 2 * LANES)
@@ -213,11 +215,10 @@ def eliminate(m, first, count, table, places, lit, ends, rows):
 
 
 @part(FINITE)
-def back(m, first, count, table, places, lit, ends, rows, looks):
-    """From the top down the moments, where Marshak's conditions with `Ends.above` and o = R e + q give e; what they
-    scatter toward the eye by the weights ``looks`` (nz, MODES, ORDERS, LANES) is added to `Places.source`, and the
-    first mode fills in `Ends.flux`."""
-    thick, node, light, medium, source = places.thick_m, places.level, places.beam, places.medium, places.source
+def back(m, first, count, table, places, lit, ends, rows):
+    """From the top down the moments, where Marshak's conditions with `Ends.above` and o = R e + q give e. They are left
+    in ``rows`` (place, 6, LANES), four of each; the first mode fills in `Ends.flux`."""
+    thick, node, light, medium = places.thick_m, places.level, places.beam, places.medium
     flux = ends.flux
     t = m * _TABLE
     c1, c2, c3 = flat(table, t + _C1), flat(table, t + _C2), flat(table, t + _C3)
@@ -257,7 +258,7 @@ def back(m, first, count, table, places, lit, ends, rows, looks):
                 s3 = _HALF * (read_quadruple(medium, a + (4 + m) * LANES) + read_quadruple(medium, b + (4 + m) * LANES))
             w1, w3 = FLOAT(2 * m + 3), FLOAT(2 * m + 7)
             ao0, ao1 = w1 * (ext - half * s1), w3 * (ext - half * s3)
-            y = m * ORDERS * LANES
+            y = m * LOOKS * LANES
             so0 = w1 * beam * s1 * read_quadruple(lit, y + LANES)
             so1 = w3 * beam * s3 * read_quadruple(lit, y + 3 * LANES)
             k = s * 6 * LANES
@@ -275,12 +276,8 @@ def back(m, first, count, table, places, lit, ends, rows, looks):
             down = _HALF * (ve0 * e0 + ve1 * e1 - vo0 * o0 - vo1 * o1)
             here = spread_quadruple(flat(node, s))
             write(flux, 0, choose_above(low - FLOAT(0.01), here, read_quadruple(flux, 0), down))
-        a = s * (DEGREE + 1) * LANES
-        n = (int(flat(places.below, s)) * MODES + m) * ORDERS * LANES
-        total = read_quadruple(source, s * LANES)
-        total += read_quadruple(looks, n) * read_quadruple(medium, a + (1 + m) * LANES) * e0
-        total += read_quadruple(looks, n + LANES) * read_quadruple(medium, a + (2 + m) * LANES) * o0
-        total += read_quadruple(looks, n + 2 * LANES) * read_quadruple(medium, a + (3 + m) * LANES) * e1
-        if m + 3 < DEGREE:
-            total += read_quadruple(looks, n + 3 * LANES) * read_quadruple(medium, a + (4 + m) * LANES) * o1
-        write(source, s * LANES, total)
+        k = s * 6 * LANES
+        write(rows, k, e0)
+        write(rows, k + LANES, o0)
+        write(rows, k + 2 * LANES, e1)
+        write(rows, k + 3 * LANES, o1)

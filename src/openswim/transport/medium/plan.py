@@ -53,7 +53,8 @@ _WITHOUT_SIDES_M = 1e8
 
 @dataclass(frozen=True)
 class Fineness:
-    """What is asked of a medium. refine: divide levels that are too thick for sweeps; divide: and columns, up to
+    """What is asked of a medium. refine: divide levels that are too thick for sweeps, and drop those that have but
+    traces of cloud; divide: columns too, up to
     `MOST_RESOLVED_NODES`, unless each is to be lit by itself or its clouds are broken by their cover; halve: columns
     once in any case, if that has not been done, those that are lit each by themselves if they are few enough then;
     extend: let cloud fade out above the highest level, and air go on."""
