@@ -9,8 +9,9 @@ import pytest
 hypothesis.settings.register_profile("openswim", deadline=None)  # on a busy machine any example may take long
 hypothesis.settings.load_profile("openswim")
 os.environ.setdefault("MIEPYTHON_USE_JIT", "1")  # as openswim sets it; read when miepython is first imported
-# As the command line sets it, for the workers of xdist, which begin with it: idle threads of BLAS would spin.
+# As the command line sets them, for the workers of xdist, which begin with them: idle threads of BLAS would spin.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("NUMPY_MADVISE_HUGEPAGE", "0")
 # Zarr's plugin of pytest has loaded NumPy by now, with a BLAS of as many threads as there are cores: the last bits of
 # its products would not be those of the processes that tests start.
 with suppress(ImportError):

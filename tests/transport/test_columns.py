@@ -59,15 +59,18 @@ def test_even_cloud_as_layers_of_many_streams(tau: float, zenith_deg: float) -> 
         assert seen.mean() == pytest.approx(expected.mean(), rel=0.036)
 
 
-@pytest.mark.parametrize("zenith_deg", [20.0, 65.0, 80.0])
-def test_thin_even_cloud_keeps_what_runs_level(zenith_deg: float) -> None:
+@pytest.mark.parametrize(
+    ("zenith_deg", "low", "high", "above"),
+    [(20.0, 0.1, 0.016, 0.0055), (65.0, 0.067, 0.013, 0.0155), (80.0, 0.094, 0.036, 0.023)],
+)
+def test_thin_even_cloud_keeps_what_runs_level(zenith_deg: float, low: float, high: float, above: float) -> None:
     """Light of a layer of depth .3, beside layers of many streams: low over the horizon, higher, and from above."""
     sun = sun_at_zenith_angle(zenith_deg)
     field = Solver().solve(_deck(0.3, surface_albedo=0.2), sun, [WAVELENGTH_NM])
     layers = Solver().solve(slab(0.3, albedo=0.2), sun, [WAVELENGTH_NM])
     for way, height, other, most in (
-        (_looking(20.0, 8.0), 2.0, 2.0, 0.1), (_looking(85.0, 50.0, 30.0), 2.0, 2.0, 0.035),
-        (_looking(-85.0, -60.0, -40.0), 9000.0, 1100.0, 0.023),
+        (_looking(20.0, 8.0), 2.0, 2.0, low), (_looking(85.0, 50.0, 30.0), 2.0, 2.0, high),
+        (_looking(-85.0, -60.0, -40.0), 9000.0, 1100.0, above),
     ):  # fmt: skip
         seen = field.view(Rays(np.array([500.0, -700.0, height]), way)).radiance[:, 0]
         there = _at_the_deck(way, height)

@@ -17,7 +17,7 @@ from openswim.options import Options
 from openswim.progress import job
 from openswim.transport.air.dimmed import Eclipse, eclipse_of
 from openswim.transport.air.shells import build_shells, clear_radiance
-from openswim.transport.beam.lit_volume import Sunlight, beams_and_shadows, channels_of, sunlit_volume, without_fields
+from openswim.transport.beam.lit_volume import Sunlight, beams_and_shadows, sunlit_volume
 from openswim.transport.beam.wider_shadow import DepthsAround, shade_from
 from openswim.transport.columns.columns import (
     clear_beam,
@@ -49,7 +49,7 @@ from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, clear_sky_table
 from openswim.transport.ground_light.landscape import landscape_of
 from openswim.transport.lit.lit_grid import CLEAR_REACH_DEG, GridLight, LitGrid
-from openswim.transport.march.volume import Shells, Volume, blank_fields
+from openswim.transport.march.volume import Shells, blank_fields
 from openswim.transport.medium.coefficients import coefficients_of, forward_tables
 from openswim.transport.medium.core import Core
 from openswim.transport.medium.medium import Medium, build_medium
@@ -99,18 +99,18 @@ def light_of_grid(
     started = time.perf_counter()
     local_sun = np.einsum("jiab,b->jia", medium.axes.astype(float), sun)
     coefficients = [coefficients_of(medium, shells, w, fast) for w in range(PACK)]
-    volume, depths = sunlit_volume(
+    volume, channels, depths = sunlit_volume(
         medium, coefficients, local_sun, plan.of_all_packs(), plan.decisions(pack),
         None if fast else swim.backscatter_weights(medium),
     )  # fmt: skip
     if around is not None:
-        shade_from(around.depths, medium, volume, depths, local_sun)
+        shade_from(around.depths, medium, channels, depths, local_sun)
     timings["sun"] = time.perf_counter() - started
     started = time.perf_counter()
     table = forward_tables(medium, fast)
     sunlight = Sunlight(coefficients, local_sun, sun)
     beams = beams_and_shadows(
-        medium, lighting, sunlit, volume, depths, sunlight, count, landscape is not None, dimmed
+        medium, lighting, sunlit, volume, channels, depths, sunlight, count, landscape is not None, dimmed
     )
     light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
     if fast and not drawn.layered:
@@ -122,7 +122,8 @@ def light_of_grid(
     if fast and drawn.layered:
         light = _with_layers(light, lighting)
     elif fast and drawn.stands_alone:
-        light = _with_columns(light, volume, lighting, shells, sun, None if around is None else around.depths.medium)
+        beyond = None if around is None else around.depths.medium
+        light = _with_columns(light, channels.beam, lighting, shells, sun, beyond)
     elif fast:
         volume = volume._replace(per_extinction=True)
         start = None if earlier is None else earlier.begin(name, medium.shape[1:])
@@ -132,8 +133,7 @@ def light_of_grid(
         if earlier is not None and start is not None:
             earlier.keep(name, start)
     else:
-        volume = swim.light_grid(light, volume, lighting, shells, local_sun, sun)
-    channels, volume = channels_of(volume, not fast), without_fields(volume)
+        volume = swim.light_grid(light, volume, channels, lighting, shells, local_sun, sun)
     timings["diffuse"] = time.perf_counter() - started
     lit = LitGrid(
         options, surface, matter.air, frame, sun, wl, count, shells, volume, table, lighting, medium, light, channels,
@@ -152,7 +152,7 @@ def _swept(wider: LitGrid | None) -> SweptAround | None:
 
 
 def _with_columns(
-    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, sun: F64, wider: Medium | None
+    light: GridLight, beam: F32, lighting: Lighting, shells: Shells, sun: F64, wider: Medium | None
 ) -> GridLight:
     """The light of wide cells, every column by itself."""
     count = light.count
@@ -160,7 +160,7 @@ def _with_columns(
     columns = columns_of_grid(
         light.medium, light.coefficients, lighting, light.local_sun, above, count, False, wider
     )
-    fluxes_of_columns(columns, volume, lighting)
+    fluxes_of_columns(columns, beam, lighting)
     lighting.clear_sky = clear_sky_table(shells, sun)
     return replace(light, columns=columns)
 

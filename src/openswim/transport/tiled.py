@@ -22,7 +22,7 @@ from openswim.progress import job
 from openswim.scene.rays import Rays
 from openswim.transport.air.dimmed import eclipse_of
 from openswim.transport.air.shells import no_volume
-from openswim.transport.beam.lit_volume import Sunlight, beams_and_shadows, channels_of, sunlit_volume, without_fields
+from openswim.transport.beam.lit_volume import Sunlight, beams_and_shadows, sunlit_volume
 from openswim.transport.columns.columns import FromAbove, columns_of_grid, fluxes_of_columns, light_from_above
 from openswim.transport.engine.decisions import Decisions
 from openswim.transport.engine.pack import PACK
@@ -89,21 +89,21 @@ class LitDomain:
         timings = {"air": time.perf_counter() - started}
         started = time.perf_counter()
         backscatter = None if fast else swim.backscatter_weights(medium)
-        volume, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), Decisions(), backscatter)
+        volume, channels, depths = sunlit_volume(medium, coefficients, local_sun, Decisions(), Decisions(), backscatter)
         sunlit, dimmed = (shells, None) if lit.eclipse is None else (lit.eclipse.lit, lit.eclipse.dimmed)
         sunlight = Sunlight(coefficients, local_sun, sun)
-        beams = beams_and_shadows(medium, lighting, sunlit, volume, depths, sunlight, count, dimmed=dimmed)
+        beams = beams_and_shadows(medium, lighting, sunlit, volume, channels, depths, sunlight, count, dimmed=dimmed)
         light = GridLight(medium, *beams, coefficients, local_sun, sun, count)
         timings["sun"] = time.perf_counter() - started
         if fast:
             columns = columns_of_grid(medium, coefficients, lighting, local_sun, self.above, count, True)
-            fluxes_of_columns(columns, volume, lighting)
+            fluxes_of_columns(columns, channels.beam, lighting)
             light = replace(light, columns=columns)
         else:
-            volume = swim.light_grid(light, volume, lighting, shells, local_sun, sun)
+            volume = swim.light_grid(light, volume, channels, lighting, shells, local_sun, sun)
         return replace(
-            lit, surface=ground, volume=without_fields(volume), lighting=lighting, medium=medium, light=light,
-            channels=channels_of(volume, not fast), timings=timings, once=Once(),
+            lit, surface=ground, volume=volume, lighting=lighting, medium=medium, light=light, channels=channels,
+            timings=timings, once=Once(),
         )  # fmt: skip
 
 

@@ -44,7 +44,8 @@ _LEAST_DEPTH = 0.01  # cosine of the angle from the scene's origin at which its 
 
 
 class Channels(NamedTuple):
-    """What `Volume.fields` hold of a grid but its species and its sources toward an eye, on the nodes (nz, ny, nx).
+    """What `Volume.fields` are to hold of a grid but its species and its sources toward an eye, on the nodes (nz, ny,
+    nx).
 
     beam (..., PACK): root of the delta-scaled beam, air included; forward_depth (n, ...): depths to the sun, as
     `Volume.forward_factors` sums them; source (..., PACK): where it is alike to all eyes, as with "swim".
@@ -55,23 +56,11 @@ class Channels(NamedTuple):
     source: F32 | None = None
 
 
-def channels_of(volume: Volume, with_source: bool) -> Channels:
-    """What a volume that is lit has in its channels."""
-    first = 2 * PACK + volume.species
-    source = volume.fields[..., PACK : 2 * PACK].copy() if with_source else None
-    forward = np.moveaxis(volume.fields[..., first : volume.cloud_channel], -1, 0)
-    return Channels(volume.fields[..., :PACK].copy(), np.ascontiguousarray(forward), source)
-
-
-def without_fields(volume: Volume) -> Volume:
-    """All of a volume but what stands at its nodes' channels."""
-    return volume._replace(fields=blank_fields((1, 1, 1), 1))
-
-
 def with_fields(volume: Volume, medium: Medium, channels: Channels) -> Volume:
     """The volume with its nodes' channels filled in, without sources but those that are alike to all eyes."""
     nz = medium.shape[0]
-    fields, matter = blank_fields(medium.shape, volume.cloud_channel + 1), _for_kernels(medium)
+    fields = blank_fields(medium.shape, volume.cloud_channel + 1)
+    matter = np.require(medium.extinction, FLOAT, ["C", "W"])  # as kernels are compiled for it
 
     def fill(t: int, threads: int) -> None:
         for k in range(t, nz, threads):  # a level at a time stays in a cache
@@ -83,11 +72,6 @@ def with_fields(volume: Volume, medium: Medium, channels: Channels) -> Volume:
 
     in_threads(fill)
     return volume._replace(fields=fields)
-
-
-def _for_kernels(medium: Medium) -> F32:
-    """The species' extinction as kernels are compiled for it."""
-    return np.require(medium.extinction, FLOAT, ["C", "W"])
 
 
 @kernel()
@@ -167,9 +151,9 @@ def _forward(medium: Medium, nw: int) -> F32:
 def sunlit_volume(
     medium: Medium, coefficients: list[Coefficients], local_sun: F64, decide: Decisions, decide_for_pack: Decisions,
     backscatter: F32 | None = None,
-) -> tuple[Volume, SunDepth]:  # fmt: skip
-    """Sun sweep, and the volume with all but its sources filled in; of what delta scaling leaves in the beam, or, where
-    ``backscatter`` (ns, nw) is given, of that per reference extinction in its place.
+) -> tuple[Volume, Channels, SunDepth]:  # fmt: skip
+    """Sun sweep, the volume without what stands at its nodes, and channels for that, with depths of what delta scaling
+    leaves in the beam, or, where ``backscatter`` (ns, nw) is given, of that per reference extinction in its place.
 
     ``decide`` what no wavelength changes, ``decide_for_pack`` the rest.
     """
@@ -185,7 +169,6 @@ def sunlit_volume(
     most = 1 + -(2 * PACK + ns + 2) % LINE  # as many as have room beside the rest
     told = decide_for_pack("forward depths", lambda: mixtures(second, most))
     cloud_channel = 2 * PACK + ns + len(told)
-    fields = blank_fields((nz, ny, nx), cloud_channel + 1)
     free = decide("free", lambda: free_cubes(np.asarray(medium.extinction.any(axis=0)), medium.periodic))
     levels = np.append(medium.levels_m, 2 * medium.levels_m[-1] - medium.levels_m[-2])
     exact = np.unpackbits(decide("exact", lambda: np.packbits(_exact(medium, levels))), count=nz * ny * nx)
@@ -193,25 +176,28 @@ def sunlit_volume(
     depth = depths_to_sun(medium, weights, exact.view(bool).reshape(nz, ny, nx), local_sun)
     depths = SunDepth(depth, factors_of(extinction, mixed), mixed, told)
     del exact
-    matter = _for_kernels(medium)
+    nodes = (nz, ny, nx, PACK)
+    channels = Channels(
+        np.empty(nodes, FLOAT), np.empty((len(told), nz, ny, nx), FLOAT), None if fast else np.empty(nodes, FLOAT)
+    )
 
     def fill(t: int, threads: int) -> None:
-        for k in range(t, nz, threads):  # a level at a time stays in a cache
-            _fill_level(k, matter, np.ascontiguousarray(depths.forward(k)), cloud_channel, fields)
+        for k in range(t, nz, threads):
+            channels.forward_depth[:, k] = depths.forward(k)
 
     in_threads(fill)
     volume = Volume(
         medium.chart_origin_m, medium.chart_per_m, medium.chart, _sides(medium), origin, per_m, lookup,
         float(medium.levels_m[-1]), np.array(medium.cell_m, FLOAT), (levels - levels[0]).astype(FLOAT),
         medium.periodic, fast and medium.air is not None, *_peak_cosines(medium), ns, cloud_channel,
-        free, fields, scaled, forward, np.zeros((ns, DEGREE, PACK), FLOAT),
+        free, blank_fields((1, 1, 1), 1), scaled, forward, np.zeros((ns, DEGREE, PACK), FLOAT),
         factors_of(second, told), np.zeros((nz if fast and ns else 0, ny, nx, PACK), FLOAT), False,
         np.zeros((0, DEGREE * DEGREE, PACK), FLOAT), np.zeros((1, 1, 1), np.int32),
         np.zeros((nz, 4 * PACK), FLOAT),
         np.zeros((nz, PACK), FLOAT), medium.terrain_m,
         steepness(medium.terrain_m, medium.cell_m, medium.periodic),
     )  # fmt: skip
-    return tidy(volume), depths
+    return tidy(volume), channels, depths
 
 
 def _exact(medium: Medium, levels_m: F64) -> NDArray[np.bool_]:
@@ -237,11 +223,12 @@ def _sides(medium: Medium) -> F64:
 
 
 def beams_and_shadows(
-    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, depths: SunDepth, sunlight: Sunlight,
-    count: int, relief: bool = False, dimmed: Dimmed | None = None,
+    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, channels: Channels, depths: SunDepth,
+    sunlight: Sunlight, count: int, relief: bool = False, dimmed: Dimmed | None = None,
 ) -> Beams:  # fmt: skip
     """Direct beam at the nodes and at the ground, terrain shadows included; where there is to be a relief, which casts
-    its own, without them too. dimmed: the moon's shadow, of which the shells know nothing."""
+    its own, without them too. Its roots go into ``channels``. dimmed: the moon's shadow, of which the shells know
+    nothing."""
     coefficients, local_sun, sun = sunlight
     nz, ny, nx = medium.shape
     shadow, ridge = np.full((ny, nx), -1e9), np.zeros((ny, nx))
@@ -254,7 +241,7 @@ def beams_and_shadows(
     surface = np.empty((count, ny, nx), FLOAT)
     in_threads(
         direct_beam, depths.depth, depths.scaled, local_sun, medium.levels_m, medium.terrain_m, shadow, ridge, count,
-        shells, beams, surface, volume.fields,
+        shells, beams, surface, channels.beam,
     )  # fmt: skip
     lighting.direct[:count], lighting.direct[count:] = surface, surface[-1]
     if volume.bend.size:
@@ -266,13 +253,13 @@ def beams_and_shadows(
         )  # fmt: skip
         lighting.unshadowed = np.concatenate([surface, np.repeat(surface[-1:], PACK - count, axis=0)])
     if dimmed is not None:
-        _dim(dimmed, medium, volume, beams, [lighting.direct, lighting.unshadowed])
+        _dim(dimmed, medium, channels, beams, [lighting.direct, lighting.unshadowed])
     _fill_air(volume, shells, medium, float(sun[2]))
-    lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume)
+    lighting.forward_depth = _forward_at_ground(medium, lighting, shells, volume, channels)
     return Beams([beams[min(w, count - 1)] for w in range(PACK)], shadow, ridge)
 
 
-def _dim(dimmed: Dimmed, medium: Medium, volume: Volume, beams: F32, surfaces: list[F32 | None]) -> None:
+def _dim(dimmed: Dimmed, medium: Medium, channels: Channels, beams: F32, surfaces: list[F32 | None]) -> None:
     """Take from the beam at nodes (count, nz, ny, nx) and on surfaces (PACK, ny, nx) what the moon takes."""
     _, ny, nx = medium.shape
     up = medium.axes[..., 2, :].astype(float)
@@ -295,7 +282,7 @@ def _dim(dimmed: Dimmed, medium: Medium, volume: Volume, beams: F32, surfaces: l
 
     for k, height in enumerate(medium.levels_m):
         share = at(float(height))
-        volume.fields[k, ..., :PACK] *= np.moveaxis(np.sqrt(share), 0, -1)
+        channels.beam[k] *= np.moveaxis(np.sqrt(share), 0, -1)
         beams[:, k] *= share[: len(beams)]
     on_ground = at(medium.terrain_m.astype(float))
     for surface in surfaces:
@@ -331,13 +318,14 @@ def _fill_air(volume: Volume, shells: Shells, medium: Medium, mu_sun: float) -> 
         volume.haze_depth[:, w] = bilinear(shells.sun_forward[..., w], column, level)
 
 
-def _forward_at_ground(medium: Medium, lighting: Lighting, shells: Shells, volume: Volume) -> F32:
+def _forward_at_ground(
+    medium: Medium, lighting: Lighting, shells: Shells, volume: Volume, channels: Channels
+) -> F32:  # fmt: skip
     """Forward depth from the ground of every column to the sun (PACK, ny, nx)."""
-    node = medium.ground_node[None]
     air = forward_depth(shells, lighting.mu_sun)
     out = np.zeros((PACK, *medium.shape[1:]), FLOAT)
-    first, last = 2 * PACK + volume.species, volume.cloud_channel
-    cloud = np.take_along_axis(volume.fields[..., first:last], node[..., None], 0)[0] @ volume.forward_factors
+    told = np.take_along_axis(channels.forward_depth, medium.ground_node[None, None], 1)[:, 0]
+    cloud = np.tensordot(volume.forward_factors.T, told, 1)
     for w in range(PACK):
-        out[w] = air[..., w] + (cloud[..., w] if volume.forward.any() else 0.0)
+        out[w] = air[..., w] + (cloud[w] if volume.forward.any() else 0.0)
     return out

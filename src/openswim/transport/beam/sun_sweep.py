@@ -412,7 +412,9 @@ def _weigh(t, threads, extinction, weights, periodic, out):
         for n in range(weights.shape[0]):
             for j in range(ny):
                 row = out[n, k, j]
-                for s in range(ns):
+                for i in range(nx if ns else 0):  # written, not read first: memory that is read before costs twice
+                    row[BEYOND + i] = weights[n, 0] * extinction[0, k, j, i]
+                for s in range(1, ns):
                     for i in range(nx):
                         row[BEYOND + i] += weights[n, s] * extinction[s, k, j, i]
                 _fill_beyond(row, nx, periodic)

@@ -7,12 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from openswim.transport.beam.lit_volume import SunDepth
+from openswim.transport.beam.lit_volume import Channels, SunDepth
 from openswim.transport.beam.sun_sweep import inside
 from openswim.transport.engine.interpolation import bilinear
-from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
-from openswim.transport.march.volume import Volume
 from openswim.transport.medium.medium import Medium
 
 F32 = NDArray[np.float32]
@@ -26,7 +24,7 @@ class DepthsAround(NamedTuple):
     depths: SunDepth
 
 
-def shade_from(wider: DepthsAround, medium: Medium, volume: Volume, depths: SunDepth, local_sun: F64) -> None:
+def shade_from(wider: DepthsAround, medium: Medium, channels: Channels, depths: SunDepth, local_sun: F64) -> None:
     """Add to a grid's depths to the sun what sunbeams pass in a wider grid before they enter at its sides."""
     columns, lookup = _Sides.of(medium, wider.medium, local_sun), wider.medium
     inner, outer = inside(depths.depth), inside(wider.depths.depth)
@@ -51,8 +49,7 @@ def shade_from(wider: DepthsAround, medium: Medium, volume: Volume, depths: SunD
                 at = np.interp(height[here], levels, np.arange(len(levels)))
                 for values, extra in zip(inner, bilinear(table, columns.along[here], at).T, strict=True):
                     values[k][here] += extra.astype(FLOAT)
-        first, last = 2 * PACK + volume.species, volume.cloud_channel
-        volume.fields[k, ..., first:last] = np.moveaxis(depths.forward(k), 0, -1)
+        channels.forward_depth[:, k] = depths.forward(k)
 
 
 class _Sides(NamedTuple):

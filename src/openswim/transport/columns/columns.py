@@ -25,7 +25,7 @@ from openswim.transport.engine.threads import in_threads
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.fluxes import Lighting, sky_flux
 from openswim.transport.march.sample import SOURCE_AZIMUTHS, SOURCE_ZENITHS
-from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, Volume, blank_fields
+from openswim.transport.march.volume import DEGREE, SHELL_TABLE_PER_M, Shells, blank_fields
 from openswim.transport.medium.delta_scaled import Coefficients
 from openswim.transport.medium.medium import Medium
 from openswim.transport.medium.open_sides import open_sides
@@ -73,8 +73,9 @@ class Columns:
         self, fields: F32, eye: F64 | None, parallel: bool, part: Sequence[tuple[int, int]], down: F32 | None = None,
         up: F32 | None = None,
     ) -> None:  # fmt: skip
-        """Fill the source channels for one eye, if there is any, in ``part``; fluxes, which are alike to all eyes, go
-        into ``down`` and ``up`` (PACK or count, ny, nx): see `column_light`."""
+        """Fill the source channels for one eye in ``part``; where there is none, ``fields`` need no channels but the
+        beam's. Fluxes, which are alike to all eyes, go into ``down`` and ``up`` (PACK or count, ny, nx): see
+        `column_light`."""
         down = np.empty_like(self.direct) if down is None else down
         up = np.empty_like(self.direct) if up is None else up
         m = self.medium
@@ -90,10 +91,10 @@ class Columns:
         )  # fmt: skip
 
 
-def fluxes_of_columns(columns: Columns, volume: Volume, lighting: Lighting) -> None:
-    """The fluxes of columns into ``lighting``."""
+def fluxes_of_columns(columns: Columns, beam: F32, lighting: Lighting) -> None:
+    """The fluxes of columns into ``lighting``; beam: of `Channels`."""
     count, (_, ny, nx) = columns.count, columns.medium.shape
-    columns.aim(volume.fields, None, True, [(0, ny), (0, nx)], lighting.diffuse, lighting.up_top)
+    columns.aim(beam, None, True, [(0, ny), (0, nx)], lighting.diffuse, lighting.up_top)
     sky_seen = np.exp(-_DIFFUSIVITY * _cloud_depth(columns.medium, columns.coefficients[0].scaled))
     lighting.diffuse[:count] += sky_seen * columns.above.missed_at(columns.mu_sun)
     lighting.diffuse[count:], lighting.up_top[count:] = lighting.diffuse[count - 1], lighting.up_top[count - 1]

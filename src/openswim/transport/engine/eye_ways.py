@@ -24,9 +24,11 @@ class Eye(NamedTuple):
     @classmethod
     def of(cls, axes: NDArray, place: NDArray, eye: NDArray, parallel: bool) -> Eye:
         """Of columns with axes (ny, nx, 3, 3) at sea-level points (ny, nx, 3)."""
-        away = np.zeros_like(place) if parallel else place - eye
-        rows = np.concatenate([away, axes.reshape(*axes.shape[:2], 9)], axis=-1)
-        return cls(wide(np.ascontiguousarray(np.moveaxis(rows, -1, 1), FLOAT)), eye, parallel)
+        ny, nx = place.shape[:2]
+        columns = np.empty((ny, 12, nx), FLOAT)
+        columns[:, :3] = 0.0 if parallel else np.moveaxis(place - eye, -1, 1)
+        columns[:, 3:] = np.moveaxis(axes.reshape(ny, nx, 9), -1, 1)
+        return cls(wide(columns), eye, parallel)
 
 
 def wide(array: NDArray[Any]) -> NDArray[np.float32]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from statistics import NormalDist
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,13 +85,25 @@ def _tables(cell_m: float, shown: float) -> tuple[F32, F32]:
     return content.astype(FLOAT), cover.astype(FLOAT)
 
 
-def _looked_up(table: F32, g: F32, cover: F32) -> F32:
-    a = np.clip((g + 4.0) * ((_G.size - 1) / 8.0), 0, _G.size - 1.001)
-    b = np.clip(np.log(np.maximum(cover, LEAST_COVER) / LEAST_COVER) / np.log(_COVERS[1] / _COVERS[0]), 0, 63.999)
-    i, j = a.astype(np.int64), b.astype(np.int64)
-    u, v = (a - i).astype(FLOAT), (b - j).astype(FLOAT)
-    low = table[i, j] * (1 - u) + table[i + 1, j] * u
-    return np.asarray(low * (1 - v) + (table[i, j + 1] * (1 - u) + table[i + 1, j + 1] * u) * v, FLOAT)
+class _Place(NamedTuple):
+    """Where shown noise and covers lie in `_tables`: rows and columns, and shares of the next ones."""
+
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    down: F32
+    right: F32
+
+    @classmethod
+    def of(cls, g: F32, cover: F32) -> _Place:
+        a = np.clip((g + 4.0) * ((_G.size - 1) / 8.0), 0, _G.size - 1.001)
+        b = np.clip(np.log(np.maximum(cover, LEAST_COVER) / LEAST_COVER) / np.log(_COVERS[1] / _COVERS[0]), 0, 63.999)
+        row, column = a.astype(np.int64), b.astype(np.int64)
+        return cls(row, column, (a - row).astype(FLOAT), (b - column).astype(FLOAT))
+
+    def read(self, table: F32) -> F32:
+        i, j, u, v = self
+        low = table[i, j] * (1 - u) + table[i + 1, j] * u
+        return np.asarray(low * (1 - v) + (table[i, j + 1] * (1 - u) + table[i + 1, j + 1] * u) * v, FLOAT)
 
 
 def _nearby(field: F32) -> F32:
@@ -160,13 +173,16 @@ def broken_cloud(
         g = g - subdivided(_nearby(around_nodes(g, fineness)), fineness)
         g /= np.sqrt(np.maximum(subdivided(_nearby(around_nodes(g * g, fineness)), fineness), 1e-6))
         here = subdivided(cover[k], fineness)
-        covers[k] = _looked_up(left, g, here)
+        at_cover = _Place.of(g, here)
+        covers[k] = at_cover.read(left)
+        falls = any(kinds[n] in PRECIPITATION for n in there)
+        at_falling = _Place.of(g, subdivided(falling[k], fineness)) if falls else at_cover
         for n in there:
             if kinds[n] not in CLOUD + PRECIPITATION:
                 out[n, k] = finer_cloud(fields[n][k], fineness)
                 continue
-            share = here if kinds[n] in CLOUD else subdivided(falling[k], fineness)
-            fine = subdivided(fields[n][k], fineness) * _looked_up(content, g, share)
+            at = at_cover if kinds[n] in CLOUD else at_falling
+            fine = subdivided(fields[n][k], fineness) * at.read(content)
             wanted = _nearby(fields[n][k])
             for _ in range(2):
                 ratio = wanted / np.maximum(_nearby(around_nodes(fine, fineness)), 1e-12)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from openswim.transport.beam.direct import direct_beam
-from openswim.transport.beam.lit_volume import depths_to_sun
+from openswim.transport.beam.lit_volume import Channels, depths_to_sun
 from openswim.transport.beam.sun_sweep import beyond_sides, inside, weighted
 from openswim.transport.beam.within_cells import bent
 from openswim.transport.engine.pack import PACK
@@ -41,11 +41,12 @@ def backscatter_weights(medium: Medium) -> F32:
 
 
 def light_grid(
-    light: GridLight, volume: Volume, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64
+    light: GridLight, volume: Volume, channels: Channels, lighting: Lighting, shells: Shells, local_sun: F64, sun: F64
 ) -> Volume:
     """Eq. 8 at every node, beta omega e^-tau_R in the channels of sources and -ln of what absorption leaves of T in
     those of the beam; how depths to the sun bend between nodes; and the flux below at the ground (Sect. 3.7)."""
-    medium = light.medium
+    medium, source = light.medium, channels.source
+    assert source is not None
     mu = lighting.mu_sun.ravel()
     shape = lighting.mu_sun.shape
     clear_diffuse = sky_flux(shells, mu)
@@ -56,31 +57,30 @@ def light_grid(
     clears = np.empty((light.count, *shape), FLOAT)
     in_threads(
         direct_beam, beyond_sides(1, medium.shape), np.zeros((1, PACK), FLOAT), local_sun, medium.levels_m,
-        medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, volume.fields,
+        medium.terrain_m, light.shadow_m, light.ridge_m, light.count, shells, airs, clears, channels.beam,
     )  # fmt: skip
-    told = volume.fields[..., 2 * PACK + volume.species : volume.cloud_channel]
     absorbed = _absorbed_depths(medium, local_sun, light.count)
     for w in range(len(medium.wavelengths_nm)):
         if w >= light.count:  # padding
-            volume.fields[..., PACK + w] = volume.fields[..., PACK + w - 1]
-            volume.fields[..., w] = volume.fields[..., w - 1]
+            source[..., w] = source[..., w - 1]
+            channels.beam[..., w] = channels.beam[..., w - 1]
             lighting.diffuse[w], lighting.up_top[w] = lighting.diffuse[w - 1], lighting.up_top[w - 1]
             continue
         air, clear = airs[w], clears[w]
-        backscatter_depth = told @ np.ascontiguousarray(volume.forward_factors[:, w])
+        backscatter_depth = np.tensordot(volume.forward_factors[:, w], channels.forward_depth, 1)
         transmittance = 1.0 / (1.0 + backscatter_depth)  # Eqs 4-6 (corrected): T = T1 with the slant depth
         reflected = layer_albedo(np.take_along_axis(backscatter_depth, ground, 0)[0])  # Eq. 24
-        volume.fields[..., w] = 0
+        channels.beam[..., w] = 0
         if w in absorbed:
             path = _sun_path(absorbed[w], local_sun)
             left = absorbed_transmittance(*path).astype(FLOAT)
-            volume.fields[..., w] = -np.log(np.maximum(left, _LEAST_LEFT))
+            channels.beam[..., w] = -np.log(np.maximum(left, _LEAST_LEFT))
             transmittance *= left
             reflected *= multiple_scattering_albedo(*(np.take_along_axis(x, ground, 0)[0] for x in path))  # Eq. 31
         scattering = np.zeros(medium.shape, FLOAT)
         for s, extinction in zip(medium.species, medium.extinction, strict=True):
             scattering += FLOAT(s.relative_extinction[w] * s.single_scattering_albedo[w]) * extinction
-        volume.fields[..., PACK + w] = scattering * air  # Eq. 8 but for T
+        source[..., w] = scattering * air  # Eq. 8 but for T
         below = np.take_along_axis(transmittance, ground, 0)[0]
         vertical = np.take_along_axis(backscatter_depth, ground, 0)[0] * np.maximum(lighting.mu_sun, 0.02)
         total = clear * below * np.maximum(lighting.mu_sun, 0) + clear_diffuse[:, w].reshape(shape) * below
@@ -90,7 +90,8 @@ def light_grid(
         # the air's own light is left out
         from_ground = lighting.albedo[w] * total * (1 - diffuse_albedo(vertical))
         lighting.up_top[w] = clear * np.maximum(lighting.mu_sun, 0) * reflected + from_ground
-    return _with_bends(medium, volume, told @ np.ascontiguousarray(volume.forward_factors[:, 0]), local_sun)
+    first = np.tensordot(volume.forward_factors[:, 0], channels.forward_depth, 1)
+    return _with_bends(medium, volume, first, local_sun)
 
 
 def _with_bends(medium: Medium, volume: Volume, backscatter_depth: F32, local_sun: F64) -> Volume:

@@ -12,13 +12,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from openswim.errors import UserError
-from openswim.ground.reflectance import hemispherical_albedo
 from openswim.progress import job
 from openswim.scene.rays import Rays
-from openswim.transport.air.shells import build_shells
 from openswim.transport.engine.pack import PACK
 from openswim.transport.engine.types import FLOAT
 from openswim.transport.ground_light.relief import Relief
@@ -29,15 +27,15 @@ from openswim.transport.march.forward_peak import blunted
 from openswim.transport.march.level_ice import NO_LEVEL_ICE, LevelIce
 from openswim.transport.march.march import march_rays
 from openswim.transport.march.volume import FAR_M, Shells, Volume
-from openswim.transport.medium.medium import air_of
 from openswim.transport.swim import view as swim_view
 from openswim.transport.view import nested, sparse
 from openswim.transport.view.around_shadow import light_around
 from openswim.transport.view.level_ice import level_ice
-from openswim.transport.view.lit_from_below import LOWEST_EYE_M, NEIGHBOURHOOD_M, LitFromBelow
+from openswim.transport.view.lit_from_below import EndsOfRays, from_space, light_from_below
 from openswim.transport.view.mirror import HIGHEST_EYE_M, Look, Mirrored, Water, wet_rays
 from openswim.transport.view.seen import Seen, View
 from openswim.transport.view.shading import shade
+from openswim.transport.view.skies import skies_for, sunlit_wide_shells
 from openswim.transport.view.toward_eye import aimed
 
 F32 = NDArray[np.float32]
@@ -146,37 +144,20 @@ class AimedGrid:
         return found
 
     def _add_light_from_below(self, found: Seen, origin: F64, direction: F64, place: F64) -> None:
-        """What air seen from space has from the ground below it, more or less than over the mean of the domain's; but
-        for what the grid solves with its own ground."""
-        lit, radius_m = self.levels[-1].lit, self.sky.radius_m
-        if lit.air is None or lit.lighting.shining is not None:
+        """What air seen from space has of the ground below it: see `light_from_below`."""
+        widest = self.levels[-1]
+        over = np.flatnonzero((found.distance >= 0) & from_space(widest.lit, origin))
+        beside_m = widest.beside_m(place[over])
+        if widest.lit.options.name != "swim":
+            over, beside_m = over[beside_m > 0], beside_m[beside_m > 0]
+        if over.size == 0:
             return
-        up = np.array([0.0, 0.0, radius_m])
-        eye_m = np.linalg.norm(origin + up, axis=-1) - radius_m
-        which = np.flatnonzero((found.distance >= 0) & (eye_m > LOWEST_EYE_M))
-        beside_m = self.levels[-1].beside_m(place[which])
-        if lit.options.name != "swim":
-            which, beside_m = which[beside_m > 0], beside_m[beside_m > 0]
-        if which.size == 0:
-            return
-        ground = lit.once("lit from below", lambda: LitFromBelow.of(sunlit_wide_shells(lit), black_shells(lit)))
-        if ground is None:
-            return
-        lat, lon, _ = lit.frame.latlon(place[which])
-        vertical = place[which] + up
-        vertical /= np.linalg.norm(vertical, axis=-1, keepdims=True)
-        sample = lit.surface.sample(lat, lon, NEIGHBOURHOOD_M)
-        of_air, of_ground = ground.more(
-            hemispherical_albedo(sample, lit.wavelengths_nm), 1 - np.asarray(sample.water), vertical @ lit.sun,
-            -(vertical * direction[which]).sum(-1), eye_m[which],
-        )  # fmt: skip
-        if lit.swept:  # by light that comes in through its sides from air over the mean
-            share = -np.expm1(-((beside_m / NEIGHBOURHOOD_M) ** 2))[:, None]
-            of_air, of_ground = share * of_air, share * of_ground
+        ends = EndsOfRays(place[over], direction[over], np.broadcast_to(origin, place.shape)[over], beside_m)
+        of_air, of_ground = light_from_below(widest.lit, ends)
         if self.volume.species:
-            of_air *= np.exp(-found.depth[which, : self.volume.species].astype(float) @ self.volume.scaled)
-        more = of_air + (beside_m > 0)[:, None] * found.through[which] * of_ground
-        found.radiance[which] = np.maximum(found.radiance[which] + more, 0)
+            of_air *= np.exp(-found.depth[over, : self.volume.species].astype(float) @ self.volume.scaled)
+        more = of_air + (beside_m > 0)[:, None] * found.through[over] * of_ground
+        found.radiance[over] = np.maximum(found.radiance[over] + more, 0)
 
     def _add_light_around(self, found: Seen, origin: F64, direction: F64, place: F64) -> None:
         """What air beside the grids has more or less of the sun than is left over the scene's middle."""
@@ -399,54 +380,6 @@ def _detail_for(lit: LitGrid, rays: Rays) -> Detail:
         )  # fmt: skip
 
     return lit.once("detail", make)
-
-
-def skies_for(lit: LitGrid, rays: Rays) -> list[Shells]:
-    """Of every grid the shells solved for the suns over it; of the widest, where rays reach farther round the Earth,
-    those for every sun."""
-    *inner, widest = lit.levels
-    near = widest.air is None or _reach_deg(rays, widest.shells) < widest.reach_deg
-    return [*(level.shells for level in inner), widest.shells if near else wide_shells(widest)]
-
-
-def wide_shells(lit: LitGrid) -> Shells:
-    """The shells under every sun there is, on all sides of the Earth."""
-    eclipse = lit.eclipse
-    if eclipse is None:
-        return sunlit_wide_shells(lit)
-    return lit.once("dim wide shells", lambda: eclipse.dimmed.of(sunlit_wide_shells(lit)))
-
-
-def sunlit_wide_shells(lit: LitGrid) -> Shells:
-    """The same without the moon's shadow."""
-    return lit.once("wide shells", lambda: _every_sun(lit, lit.shells.ground_albedo))
-
-
-def black_shells(lit: LitGrid) -> Shells:
-    """`sunlit_wide_shells` over ground that is black."""
-    return lit.once("black shells", lambda: _every_sun(lit, 0.0))
-
-
-def _every_sun(lit: LitGrid, albedo: ArrayLike) -> Shells:
-    s = lit.shells
-    return build_shells(air_of(lit.air, s.ground_m), (0.0, 110.0), s.radius_m, s.ground_m, albedo, s.top_m, scale=1.5)
-
-
-def _reach_deg(rays: Rays, shells: Shells) -> float:
-    """Largest angle at the Earth's centre between the scene's origin and what rays pass of the atmosphere."""
-    some = rays[:: max(1, len(rays) // 2000)]
-    up = np.array([0.0, 0.0, shells.radius_m])
-    p, d = some.origins() + up, some.directions()
-    along = (p * d).sum(-1)
-    nearest = np.maximum((p * p).sum(-1) - along**2, 0.0)  # squared distance of the line from the centre
-    half = np.sqrt(np.maximum((shells.radius_m + shells.top_m) ** 2 - nearest, 0.0))
-    ground = (shells.radius_m + shells.ground_m) ** 2 - nearest
-    last = np.where((ground > 0) & (along < 0), -along - np.sqrt(np.maximum(ground, 0)), -along + half)
-    seen = (half > 0) & (last > 0)
-    if not seen.any():
-        return 0.0
-    ends = np.concatenate([p + np.maximum(-along - half, 0)[:, None] * d, p + last[:, None] * d])[np.tile(seen, 2)]
-    return float(np.degrees(np.arccos(np.clip(ends[:, 2] / np.linalg.norm(ends, axis=-1), -1, 1))).max())
 
 
 def _eye_of(rays: Rays) -> tuple[F64, bool]:

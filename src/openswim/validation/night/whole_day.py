@@ -22,7 +22,7 @@ from openswim.scene.times import parse_time
 from openswim.solver import Solver
 from openswim.transport import Field
 from openswim.transport.lit.lit_grid import LitGrid
-from openswim.transport.view.viewer import wide_shells
+from openswim.transport.view.skies import wide_shells
 
 F64 = NDArray[np.float64]
 
